@@ -235,6 +235,26 @@ def test_a_force_that_a_normal_force_causes(part: float) -> None:
         assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)
 
 
+@pytest.mark.parametrize("exponent", [-40, 0, 40])
+def test_a_force_that_moves_nothing_obeys_its_law(exponent: int) -> None:
+    """A force k λ² helps a rail, which bears λ = w - k λ²; friction is 0.3 λ."""
+    unit = 2.0**exponent
+    text = f"""
+coordinates: [x, y]
+parameters: {{w: {unit!r}, k: {0.1 / unit!r}, m: {unit!r}}}
+T: m/2*(x'^2 + y'^2)
+V: w*(1 + t)*y
+Q: {{x: -0.3*lambda.rail, y: k*lambda.rail^2}}
+constraints: {{rail: y = 0}}
+initial: {{x: 0, y: 0, x': 1, y': 0}}
+simulation: {{t_end: 1, samples: 21}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    bears = (np.sqrt(1 + 0.4 * (1 + run.time)) - 1) / 0.2
+    np.testing.assert_allclose(run.multipliers[:, 0] / unit, bears, rtol=1e-13)
+    np.testing.assert_allclose(run.a[:, 0], -0.3 * bears, rtol=1e-13)
+
+
 @pytest.mark.parametrize("slides", [False, True])
 def test_an_engaged_row_that_others_imply(slides: bool) -> None:
     """A pendulum whose rod, a circle, holds already: its rate bears nothing, and moves nothing."""

@@ -9,6 +9,7 @@
 
 #define ITERATIONS 20       /* of Newton's method; one is enough if laws are affine in multipliers */
 #define EXACT 1e-14         /* of the forces: convergence */
+#define INERT 1e-10         /* of the inverse inertia without constraints: a smaller one is a rounding error */
 
 /* Forces that act at a state. The lists are of rows, then of forces that depend on multipliers. */
 typedef struct {
@@ -17,6 +18,8 @@ typedef struct {
     const double *free;     /* a and lambda without the forces */
     const double *offset;   /* n: B a_0 - gamma, of rows that hold */
     const double *scale;    /* n: of a force; forces times it, and accelerations over it, have one unit */
+    const double *inert;    /* n: the same without constraints, of a force whose law is not one of accelerations and
+                             * that moves nothing, as all that act on a driven mechanism; of others, 0 */
     double *z, *residual;   /* n */
     double *a, *multipliers;    /* with the forces; lambda of all constraints */
     double *all;            /* rows + nf: z by its number */
@@ -127,6 +130,31 @@ static int is_held(const lag_switching *sw, int k)
     return k < sw->rows && !lag_row_slips(sw, k);
 }
 
+/* Whether the laws hold to within rounding, where `scale` is not 0. */
+static int are_obeyed(const lag_switching *sw, const acting_forces *f, const double *scale)
+{
+    double part = 0.0, terms = 0.0;
+    for (int i = 0; i < f->n; ++i) {
+        const double d = scale[i], force = d * fabs(f->z[i]);
+        if (!(d > 0.0))
+            continue;
+        part = fmax(part, is_held(sw, f->acts[i]) ? fabs(f->residual[i]) / d : d * fabs(f->residual[i]));
+        terms = fmax(terms, fmax(fabs(f->offset[i]) / d, force));
+    }
+    return part <= 4.0 * DBL_EPSILON * terms;
+}
+
+/* Whether the step from which the forces come was small, where `scale` is not 0. */
+static int have_settled(const acting_forces *f, const double *scale)
+{
+    double change = 0.0, size = 0.0;
+    for (int i = 0; i < f->n; ++i) {
+        change = fmax(change, scale[i] * fabs(f->residual[i]));
+        size = fmax(size, scale[i] * fabs(f->z[i]));
+    }
+    return change <= EXACT * size;
+}
+
 /* The scale of a force; 1 of one that moves nothing. */
 static double scale_of(const acting_forces *f, int i)
 {
@@ -173,35 +201,39 @@ static int solve_laws(lag_run *run, double t, const double *y, const acting_forc
 {
     lag_switching *sw = &run->switching;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
-        double change = 0.0, size = 0.0, part = 0.0, terms = 0.0, sum = 0.0;
+        double sum = 0.0;
         linearize(run, t, y, f);
-        if (iteration) {
-            for (int i = 0; i < f->n; ++i) {
-                const double d = f->scale[i], force = d * fabs(f->z[i]);
-                if (!(d > 0.0))
-                    continue;
-                part = fmax(part, is_held(sw, f->acts[i]) ? fabs(f->residual[i]) / d : d * fabs(f->residual[i]));
-                terms = fmax(terms, fmax(fabs(f->offset[i]) / d, force));
-            }
-            if (part <= 4.0 * DBL_EPSILON * terms)
-                return 0;
-        }
+        if (iteration && are_obeyed(sw, f, f->scale) && are_obeyed(sw, f, f->inert))
+            return 0;
         if (solve_step(sw, f, f->residual, held == 0.0, memory))
             return 1;
         sw->margin = held != 0.0 ? determinant(sw->lu, sw->pivots, f->n) / held : 1.0;
         for (int i = 0; i < f->n; ++i) {
             f->z[i] -= f->residual[i];
-            change = fmax(change, f->scale[i] * fabs(f->residual[i]));
-            size = fmax(size, f->scale[i] * fabs(f->z[i]));
             sum += f->z[i];
         }
         if (!isfinite(sum))
             return 1;
-        if (change <= EXACT * size)
+        if (have_settled(f, f->scale) && have_settled(f, f->inert))
             break;
     }
     superpose(run, f);
     return 0;
+}
+
+/* The inverse inertia at a row or a force without constraints. */
+static double mobility_alone(const lag_run *run, int k)
+{
+    const lag_switching *sw = &run->switching;
+    const int nq = run->system.nq;
+    double sum = 0.0;
+    if (k >= sw->rows)
+        return run->rows.sizes[sw->force_coordinate[k - sw->rows]] * run->rows.sizes[sw->force_coordinate[k - sw->rows]];
+    for (int j = 0; j < nq; ++j) {
+        const double part = sw->jacobian[k * nq + j] * run->rows.sizes[j];
+        sum += part * part;
+    }
+    return sum;
 }
 
 /* The matrix of rows that hold, n of them listed by their place among those that act. */
@@ -219,7 +251,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     const int nq = s->nq, all = sw->rows + sw->nf;
     double *work = sw->work, *solution = run->solver.a;
     double *free = work, *a = free + nq + s->nc, *offset = a + nq + s->nc, *z = offset + all;
-    double *residual = z + all, *scale = residual + all, *memory = scale + all;
+    double *residual = z + all, *scale = residual + all, *inert = scale + all, *memory = inert + all;
     int *acts = sw->acts, *held = sw->acts + all, n = 0, holds = 0, laws = 0;
     if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
         return 1;
@@ -234,16 +266,23 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         lag_row_response(run, k);
     }
     memcpy(free, solution, (size_t)(nq + s->nc) * sizeof(double));
-    acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .scale = scale, .z = z, .residual = residual,
-                       .a = a, .multipliers = sw->multipliers, .all = sw->force};
+    acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .scale = scale, .inert = inert, .z = z,
+                       .residual = residual, .a = a, .multipliers = sw->multipliers, .all = sw->force};
     for (int i = 0; i < n; ++i) {
         const int k = acts[i];
         z[i] = sw->force[k]; /* those of the previous state */
         const double *u = response_of(run, k);
-        scale[i] = sqrt(fmax(k < sw->rows ? lag_along(run, k, u) : u[sw->force_coordinate[k - sw->rows]], 0.0));
-        offset[i] = 0.0;
-        if (k >= sw->rows || lag_row_slips(sw, k))
+        const double mobility = k < sw->rows ? lag_along(run, k, u) : u[sw->force_coordinate[k - sw->rows]];
+        scale[i] = sqrt(fmax(mobility, 0.0));
+        inert[i] = offset[i] = 0.0;
+        if (k >= sw->rows || lag_row_slips(sw, k)) {
+            const double alone = mobility_alone(run, k);
+            if (!(mobility > INERT * alone)) {
+                scale[i] = 0.0;
+                inert[i] = sqrt(alone);
+            }
             continue;
+        }
         offset[i] = lag_along(run, k, free) - sw->gamma[k];
         if (lag_stabilizes(run)) {
             const double beta = run->baumgarte.beta;
