@@ -283,12 +283,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
                     f"the fixed initial values violate the constraint{plural} {names}{level}\n"
                     + residuals,
                     entry.location,
-                    (
-                        f"free {freed},"
-                        if len(error.stuck) == 1
-                        else f"free one of {', '.join(error.stuck)},"
-                    )
-                    + f" for instance {example}",
+                    f"free {_one_of(error.stuck)}, for instance {example}",
                 )
             ]
         )
@@ -312,9 +307,15 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
             first.location,
             "give guesses nearer to a solution"
+            + (f", or free {_one_of(error.stuck)}" if error.stuck else "")
             + ("; check that the constraints do not contradict each other" if plural else ""),
         )
     )
+
+
+def _one_of(names: Sequence[str]) -> str:
+    """Return one of some names in words."""
+    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
 def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:

@@ -492,12 +492,13 @@ class ConsistentSearch:
             scaled @ (jacobian / length[:, None]) @ (free / usable(lengths_of_rows(free.T, 1.0)))
         )
         contradiction = bool(np.abs(slope).max(initial=0.0) <= 1e-3 * np.abs(scaled).max())
-        stuck = self.stuck(q, jacobian[bad] / sizes, position)
+        touched = (jacobian[bad] != 0.0).any(axis=0) & ~_held(np.delete(jacobian, bad, 0), fixed)
+        stuck = self.stuck(q, touched, jacobian[bad] / sizes, position)
         return NoConsistentState(level, violations, stuck, contradiction)
 
-    def stuck(self, q: Array, jacobian: Array, position: bool) -> list[str]:
-        """Return the fixed entries among the unknowns of some rows of B."""
-        touched, names = (jacobian != 0.0).any(axis=0), self.system.coordinates
+    def stuck(self, q: Array, touched: Flags, jacobian: Array, position: bool) -> list[str]:
+        """Return the fixed entries that matter: those touched, and spins in some rows of B."""
+        names = self.system.coordinates
         if position:
             return [names[i] for i in np.flatnonzero(self.fixed_q & touched)]
         turning = [list(spin.places) for spin in self.spins]
@@ -509,6 +510,17 @@ class ConsistentSearch:
             labels = zip(spin.labels(), spin.fixed, turns.tolist(), strict=True)
             stuck += [label for label, is_fixed, is_touched in labels if is_fixed and is_touched]
         return stuck
+
+
+def _held(jacobian: Array, fixed: Flags) -> Flags:
+    """Return which fixed entries the rows of B hold too: the free ones cannot make up for them."""
+    held = np.zeros(len(fixed), bool)
+    for i in np.flatnonzero(fixed & (jacobian != 0.0).any(axis=0)):
+        free = ~fixed
+        without = np.linalg.matrix_rank(jacobian[:, free])
+        free[i] = True
+        held[i] = np.linalg.matrix_rank(jacobian[:, free]) > without
+    return held
 
 
 _NOTHING = 1e-14  # of the terms of a product

@@ -170,6 +170,23 @@ def test_fixed_value_out_of_reach_of_the_free_ones() -> None:
     assert "free x, for instance `x: {guess: 2}`" in text
 
 
+def test_fixed_values_beside_guesses_that_find_nothing_name_what_to_free() -> None:
+    # two circles of radius 1 meet at y = 0.866: the search ends between two errors
+    text = refused(
+        NumericalError,
+        "left: sqrt(x^2 + y^2) = 1; right: 5*((x - 1)^2 + y^2) = 5",
+        "x: {guess: 0.4}, y: 0.7, x': {guess: 0}, y': {guess: 0}",
+    )
+    assert "give guesses nearer to a solution, or free y; check" in text
+
+
+def test_values_that_other_constraints_hold_are_not_to_be_freed() -> None:
+    text = refused(ModelError, f"{ROD}; slot: x = 2", "x: 2, y: {guess: 1}, x': 0, y': {guess: 0}")
+    assert "error[contradicting-constraints]" in text
+    text = refused(ModelError, f"{ROD}; slot: x' = 3", "x: 1, y: 0, x': 3, y': {guess: 0}")
+    assert "free" not in text
+
+
 def test_fixed_velocities_that_violate_name_what_to_free() -> None:
     text = refused(ModelError, ROD, "x: 0.6, y: {guess: 0.7}, x': 1, y': 1")
     assert "differentiated in time" in text
