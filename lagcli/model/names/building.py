@@ -234,7 +234,10 @@ class _ExpressionBuilder:
         for (sign, value), (_, term) in zip(signed[1:], tree.terms[1:], strict=True):
             if not (isinstance(total, Tensor) and isinstance(value, Tensor)):
                 raise error_at(
-                    "shape", f"{kind_of(total)} and {kind_of(value)} cannot be added", term
+                    "shape",
+                    f"{kind_of(total)} and {kind_of(value)} cannot be added",
+                    term,
+                    "a component is written `A.x` or `A[1]`",
                 )
             total = tensors.add(total, value, sign)
         return self.made(tree, total, parts)

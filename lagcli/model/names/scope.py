@@ -115,14 +115,15 @@ class Scope:
             self._check_coordinate(name, primes)
         elif text in names.definitions or "definition" in kinds:
             if self.allowed < Allowed.MOTION:
-                raise self._not_here(name, "definitions")
+                help_ = f"{_OF_PARAMETERS}, which may be expressions of other parameters"
+                raise self._not_here(name, "definitions", help_)
         elif "." in text:
             self._dotted(name, text)
         elif text in names.parameters or "parameter" in kinds:
             _check_derivative(names.inputs, name, text, primes)
         elif text in ("t", "pi") or text in names.inputs:
             if text != "pi" and self.allowed < Allowed.MOTION:
-                raise self._not_here(name, "time")
+                raise self._not_here(name, "time", _OF_PARAMETERS)
             _check_derivative(names.inputs, name, text, primes)
         else:
             from lagcli.model.names.unknown import unknown
@@ -366,7 +367,7 @@ class Scope:
 
     def _check_coordinate(self, name: Name, primes: int) -> None:
         if self.allowed < Allowed.MOTION:
-            raise self._not_here(name, "coordinates", "it may depend on parameters only")
+            raise self._not_here(name, "coordinates", _OF_PARAMETERS)
         self._check_order(name, primes)
 
     def _check_order(self, name: Name, order: int) -> None:
@@ -466,6 +467,7 @@ def _check_derivative(inputs: Mapping[str, int], name: Name, text: str, primes: 
 #: The highest derivative of an input in an expression.
 _HIGHEST_OF_INPUTS = 2
 _HIGHEST = "the highest derivative of a coordinate is the acceleration, q''"
+_OF_PARAMETERS = "it may depend on parameters only"
 _ACCELERATIONS = "accelerations may be used in `outputs` and in the vectors of a `view`"
 
 

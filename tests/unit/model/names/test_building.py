@@ -302,7 +302,7 @@ def test_a_serial_arm_of_many_rotations_is_not_too_large() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[x, y] + 1", "cannot be added"),
+        ("[x, y] + 1", "cannot be added; a component is written `A.x`"),
         ("[x, y]*[x, y]", "use dot"),
         ("[x, y]^2", "dot(a, a)"),
         ("1/[x, y]", "cannot divide"),
