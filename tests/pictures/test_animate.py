@@ -25,6 +25,7 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing, round_number, three_digits
 from lagcli.pictures.scene.timing import Timing, timing, usual_speed
 from lagcli.pictures.scene.view_evaluator import scene_of
+from lagcli.pictures.style import PALETTE
 
 # times
 
@@ -426,6 +427,10 @@ def test_without_a_view_films_show_coordinates(without_view, tmp_path):
             film.seek(frame)
             frames.append(np.asarray(film.convert("RGB")).astype(int))
     assert len(frames) == 5
+    # a curve, in the first colour of the palette, runs through the whole picture
+    color = [int(PALETTE[0][k : k + 2], 16) for k in (1, 3, 5)]
+    columns = (np.abs(frames[0] - color).max(axis=2) < 8).any(axis=0)
+    assert columns[100:600].mean() > 0.95
     # the mark is a line from top to bottom that goes on by the same way in each frame
     marks = [np.argmin(f[60:200].sum(axis=2).mean(axis=0)[80:625]) + 80 for f in frames[1:4]]
     steps = np.diff(marks)

@@ -468,6 +468,8 @@ class HistoriesDrawing:
             figure.get_layout_engine().set(rect=(0, 0, 1, 1 - self.strip / height))
             drawing = PanelDrawing(figure, [histories.run], [histories.values], width)
             drawing.draw([panels], [1.0] * len(panels))
+            canvas.draw()  # for the layout alone
+            figure.set_layout_engine("none")
             canvas.draw()
             self.still = np.asarray(canvas.buffer_rgba()).copy()
             #: For each panel, the transformation to pixels, and its left, lower, right and upper
