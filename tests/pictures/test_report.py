@@ -493,3 +493,18 @@ def test_no_heading_stands_twice(reports):
     text = reports("heavy_top").read_text(encoding="utf-8")
     found = re.findall(r"<(?:h[1-4]|caption)>(.*?)</", text)
     assert len(found) == len(set(found)), sorted(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("particle_on_sphere", "2 − 1 = 1 degree of freedom, with 1 constraint active at the start."),
+        ("bouncing_ball", "1 − 0 = 1 degree of freedom, with 0 constraints active at the start."),
+        ("slider_crank", "2 − 1 = 1 degree of freedom."),
+    ],
+)
+def test_degrees_of_freedom_are_those_of_what_is_active(name, sentence, tmp_path):
+    run = lagcli.simulate(lagcli.load(PATHS[name]), t_end=0.05, samples=3)
+    made = report(run, tmp_path / "a.html")
+    text = " ".join(re.sub("<[^>]*>", "", Path(made.output).read_text(encoding="utf-8")).split())
+    assert f": {sentence}" in text

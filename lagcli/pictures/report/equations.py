@@ -269,12 +269,14 @@ class EquationSystem:
         coordinates, constraints = _number_of(n, "coordinate"), _number_of(m, "constraint")
         if not m:
             return f"<p>{coordinates}, no constraint: {_number_of(n, 'degree')} of freedom.</p>"
-        counted, condition = f"{n} − {m}", ", if the constraints are independent"
+        active = freedom.constraints  # fewer than m if some are open or engaged later
+        counted, condition = f"{n} − {active}", ", if the constraints are independent"
         if freedom.rank is not None:
-            counted = f"{n} − {freedom.rank}"
-            condition = (
-                "" if freedom.rank == m else f": the rank of B is {freedom.rank} at the start"
-            )
+            counted, condition = f"{n} − {freedom.rank}", ""
+            if freedom.rank != active:
+                condition = f": the rank of B is {freedom.rank} at the start"
+            elif self.equations.model.switches:
+                condition = f", with {_number_of(active, 'constraint')} active at the start"
         remarks = "".join(f"<p>{escape(x)}</p>" for x in freedom.remarks)
         return (
             f"<p>{coordinates}, {constraints}: {counted} ="
