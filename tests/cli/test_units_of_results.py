@@ -104,6 +104,16 @@ def test_values_in_si_are_shown_beside_those_in_other_units(
     assert f" parameters {listed} options" in text
 
 
+def test_parameters_that_follow_from_others_have_their_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text(ENGINEERS.replace("m: 500 g,", "m: 500 g, J: m*l^2, n: M/(m*g*l),"))
+    assert run(["derive", "m.yaml"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "J = 0.03125 kg·m² n = 81.5494 l =" in text
+
+
 def test_one_unit_is_stated_with_the_array(tmp_path: Path) -> None:
     path = str(tmp_path / "run.h5")
     model = str(MODELS / "pendulum_cartesian.yaml")

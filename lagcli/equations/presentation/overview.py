@@ -206,7 +206,8 @@ def parameters_step(f: Formulas) -> Step | None:
     lines = []
     given = {} if f.values else given_units(f.model)
     for p in f.model.parameters.values():
-        si = quantity(p.value, si_notation(p.unit) if p.unit else None)
+        unit = p.unit or f.model.units.of(p.name)  # the second follows, of expressions
+        si = quantity(p.value, si_notation(unit) if unit else None)
         sides = [Symbol(p.name), si]
         if p.name in given:
             unit, factor = given[p.name]
