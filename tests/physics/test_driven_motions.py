@@ -199,3 +199,32 @@ initial: {x: 0, x': 0}
     assert run.status == "completed", run.message
     # the force is 2 to 0.4 s, 0 to 0.5 s, 2 to 0.8 s, 4 to 1 s
     assert run.v[-1, 0] == pytest.approx(2 * 0.4 + 2 * 0.3 + 4 * 0.2, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("force", "end"),
+    [
+        ("cbrt(t)", 9 / 28 * 2 ** (7 / 3)),
+        ("if(t < 1, sqrt(1 - t), 0)", 2 / 3 + 2 / 5),
+        ("if(t < 1, (1 - t)^1.5, 0)", 2 / 5 + 2 / 7),
+        ("max(0, t - 1)^1.5", 4 / 35),
+        ("sqrt(max(0, t - 1))", 4 / 15),
+        ("if(t > 1, acosh(t), 0)", 9 / 4 * math.acosh(2) - 1.5 * math.sqrt(3)),
+    ],
+)
+def test_functions_without_a_value_in_another_branch_do_not_limit_steps(
+    force: str, end: float
+) -> None:
+    model = lagcli.load_text(
+        f"""
+coordinates: [x]
+T: x'^2/2
+V: 0
+Q: {{x: "{force}"}}
+initial: {{x: 0, x': 0}}
+simulation: {{t_end: 2, samples: 3, max_steps: 200}}
+"""
+    )
+    run = lagcli.simulate(model)
+    assert run.status == "completed", run.message
+    assert run.q[-1, 0] == pytest.approx(end, rel=1e-8)

@@ -13,7 +13,7 @@ steps in which they oscillate unseen (`engine/core/resolution.c`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from functools import lru_cache
 from typing import TypeGuard
 
@@ -279,13 +279,12 @@ def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
         first = tape.inputs - tape.rhs_inputs - tape.parameters
         own = [*range(1 + states), *[-1] * (first - 1 - states)]
         own += range(1 + states, 1 + states + parameters)
-        wanted = _nonlinear(tape, states, first)
-        outputs += builder.splice(tape._replace(outputs=tuple(wanted)), own)
+        outputs += builder.splice(_nonlinear(tape, states, first), own)
     return builder.finish(dict.fromkeys(outputs)) if outputs else None
 
 
-def _nonlinear(tape: Tape, states: int, parameters: int) -> Sequence[int]:
-    """Return the registers of the operations."""
+def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
+    """Return the tape of the operations; those of branches alone are zero elsewhere."""
     timed, unknown, results = {0}, {*range(1 + states, parameters)}, []
     unknown |= {*range(parameters + tape.parameters, tape.inputs)}
     for op, to, a, b, c in tape.code:
@@ -296,7 +295,40 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Sequence[int]:
             timed.add(to)
             if op in _NONLINEAR and (op != Op.DIV or b in timed):
                 results.append(to)
-    return results
+    if all(op != Op.SELECT for op, *_ in tape.code):
+        return tape._replace(outputs=tuple(results))
+    builder = Builder(tape.inputs, tape.parameters, tape.rhs_inputs, tape.functions)
+    place = builder.extend(tape._replace(outputs=tuple(range(tape.registers))))
+    taken, zero = _branches(tape, builder, place, unknown), builder.constant(0.0)
+    return builder.finish(
+        [
+            builder.emit(Op.SELECT, taken[x], place[x], zero) if x in taken else place[x]
+            for x in results
+        ]
+    )
+
+
+def _branches(
+    tape: Tape, builder: Builder, place: Sequence[int], unknown: Container[int]
+) -> dict[int, int]:
+    """Return whether results are used, as registers of a builder with the tape's at some places;
+    none for results that are used always or where an unknown condition holds.
+    """
+    always = set(tape.outputs)
+    used: dict[int, int] = {}
+    for op, to, *operands in reversed(tape.code):
+        for k, x in enumerate(operands[: ARITY[op]]):
+            where = None if to in always or to not in used else used[to]
+            if op == Op.SELECT and k and operands[0] not in unknown:
+                condition = place[operands[0]]
+                if k == 2:
+                    condition = builder.emit(Op.NOT, condition)
+                where = condition if where is None else builder.emit(Op.AND, where, condition)
+            if where is None:
+                always.add(x)
+            else:
+                used[x] = builder.emit(Op.OR, used[x], where) if x in used else where
+    return {x: where for x, where in used.items() if x not in always}
 
 
 def with_rates(system: System) -> Tape:

@@ -239,9 +239,22 @@ static lag_interval next_coefficient(const lag_interval *a, const lag_interval *
     return lag_interval_scale(sum, 1.0 / k);
 }
 
+/* The derivatives of a function of a constant; 1 if `a` is one. */
+static int derivatives_of_constant(const lag_interval *a, lag_interval *c, int order)
+{
+    for (int k = 1; k <= order; ++k)
+        if (!is_zero(a[k]))
+            return 0;
+    for (int k = 1; k <= order; ++k)
+        c[k] = POINT(0.0);
+    return 1;
+}
+
 static void root_jet(const lag_interval *a, lag_interval *c, int order)
 {
     c[0] = root(a[0]);
+    if (derivatives_of_constant(a, c, order)) /* also at zero */
+        return;
     for (int k = 1; k <= order; ++k) {
         lag_interval sum = a[k];
         for (int i = 1; i < k; ++i)
@@ -302,6 +315,8 @@ static void power_jet(const lag_interval *a, const lag_interval *b, lag_interval
     }
     const double n = b[0].low;
     c[0] = power(a[0], n);
+    if (derivatives_of_constant(a, c, order))
+        return;
     for (int k = 1; k <= order; ++k) {
         lag_interval sum = POINT(0.0);
         for (int i = 1; i <= k; ++i)

@@ -177,3 +177,29 @@ def test_what_is_asked_for_alone_is_the_same(name: str) -> None:
     for number, places in enumerate(with_rates(system).output_subsets):
         some = list(places)
         np.testing.assert_array_equal(at(case, 0.1, q, v, number)[some], every[some])
+
+
+def test_functions_of_a_branch_are_zero_in_the_other_ones() -> None:
+    builder = tape_of()
+    below = builder.emit(Op.LT, 0, 3)
+    root = builder.emit(Op.SQRT, builder.emit(Op.SUB, 3, 0))
+    power = builder.emit(Op.EXP, 0)
+    inner = builder.emit(Op.SELECT, builder.emit(Op.LT, 1, 3), power, root)
+    sine = builder.emit(Op.SIN, 0)
+    force = builder.emit(Op.SELECT, below, inner, builder.emit(Op.MUL, sine, power))
+    found = explicit_functions([builder.finish([force, sine])], 2)
+    assert found is not None
+    values = ScalarTape(found)
+    exp, sin = math.exp, math.sin
+    assert values((0.5, 0.0, 0.0, 1.0)) == [0.0, exp(0.5), sin(0.5)]
+    assert values((0.5, 2.0, 0.0, 1.0)) == [math.sqrt(0.5), 0.0, sin(0.5)]
+    assert values((2.0, 0.0, 0.0, 1.0)) == [0.0, exp(2.0), sin(2.0)]
+
+
+def test_conditions_on_forces_leave_both_branches() -> None:
+    builder = Builder(5, 1)  # t, q, v, a, p
+    pushes = builder.emit(Op.LT, 3, 4)
+    force = builder.emit(Op.SELECT, pushes, builder.emit(Op.EXP, 0), builder.emit(Op.SIN, 0))
+    found = explicit_functions([builder.finish([force])], 2)
+    assert found is not None
+    assert ScalarTape(found)((0.5, 0.0, 0.0, 1.0)) == [math.exp(0.5), math.sin(0.5)]
