@@ -49,7 +49,7 @@ def test_every_shipped_model_moves_as_by_the_oracle(path):
 
 @pytest.mark.parametrize("beside", [1e-6, 1e-8])
 def test_sizes_of_accelerations_next_to_a_singular_configuration_do_not_last(beside):
-    """They are large, as are their rounding errors, and found anew while the run moves away."""
+    """They are large, as are their rounding errors, and are found again as the run moves away."""
     angle = math.pi / 2 + beside
     model = lagcli.load_text(f"""
 coordinates: [a, b, x]
