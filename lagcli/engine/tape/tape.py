@@ -141,6 +141,19 @@ class Builder:
     def extend(self, tape: Tape) -> list[int]:
         """Append a tape's operations, with its inputs as the first ones here; return its
         outputs."""
+        if not self.operations:
+            first = self.inputs
+            place = [*range(tape.inputs), *map(self.constant, tape.constants)]
+            place += range(first, first + len(tape.code))
+            keys = [
+                (op, place[a], place[b], place[c])[: 1 + ARITY[op]] for op, _, a, b, c in tape.code
+            ]
+            operations = dict(zip(keys, range(first, first + len(keys)), strict=True))
+            if len(operations) == len(keys):  # none is equal to another
+                self.operations = operations
+                for key, register in operations.items():
+                    self.note(key[0], register, key[1:])
+                return [place[x] for x in tape.outputs]
         return self._splice(tape, range(tape.inputs), tape.code, tape.outputs)
 
     def splice(
