@@ -53,6 +53,17 @@ def lower(equations: Equations) -> System:
         from lagcli.engine.lowering.switching import lower_switching
 
         switching, conditions = lower_switching(eq)
+    dynamics, constraint = _tapes(
+        eq,
+        mass,
+        jacobian,
+        [
+            *(c.drift for c in eq.constraints),
+            *(magnitude(x) for x in positions if x is not None),
+            *(magnitude(c.velocity) for c in eq.constraints),
+        ],
+        functions,
+    )
     return System(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
@@ -60,19 +71,8 @@ def lower(equations: Equations) -> System:
         parameters=tuple(model.parameters),
         mass_pattern=mass_pattern,
         jacobian_pattern=jacobian_pattern,
-        dynamics=_dynamics(eq, mass, jacobian, functions),
-        constraint=compile_tape(
-            [
-                *positions,
-                *jacobian,
-                *(c.drift for c in eq.constraints),
-                *(magnitude(x) for x in positions if x is not None),
-                *(magnitude(c.velocity) for c in eq.constraints),
-            ],
-            state,
-            parameters,
-            functions,
-        ),
+        dynamics=dynamics,
+        constraint=constraint,
         report=compile_tape(
             [*reported(eq), *eq.outputs.values()],
             [*state, *eq.a, *eq.multipliers],
@@ -101,30 +101,39 @@ def _inputs(equations: Equations) -> tuple[list[se.Basic], list[se.Basic]]:
     return [TIME, *equations.q, *equations.v], parameters
 
 
-def _dynamics(
-    equations: Equations,
+def _tapes(
+    eq: Equations,
     mass: Sequence[se.Basic],
     jacobian: Sequence[se.Basic],
+    others: Sequence[se.Basic],
     functions: InputFunctions,
-) -> Tape:
-    """Compile M, f, B, γ, and the power of applied forces and of time."""
+) -> tuple[Tape, Tape]:
+    """Compile M, f, B, γ, and the power of applied forces and of time; and φ, B and others."""
     from lagcli.equations.derivation.column_expressions import power_free
 
-    eq, power = equations, power_free(equations) + equations.time_power
+    power = power_free(eq) + eq.time_power
     long, before = long_constraints(eq), [*mass, *eq.forcing, *jacobian]
     right = [se.Integer(0) if i in long else c.rhs for i, c in enumerate(eq.constraints)]
-    given = [*before, *right, power]
-    tape = compile_tape([*given, *sources_of(long)], *_inputs(eq), functions)
+    positions = [c.position for c in eq.constraints if c.position is not None]
+    dynamics = [*before, *right, power, *sources_of(long)]
+    whole = compile_tape([*dynamics, *positions, *others], *_inputs(eq), functions)
+    first, count = len(before) - len(jacobian), len(dynamics)
+    of_constraint = [
+        *range(count, count + len(positions)),
+        *range(first, len(before)),
+        *range(count + len(positions), len(whole.outputs)),
+    ]
+    constraint, tape = whole.selected(of_constraint), whole.selected(range(count))
     if not long:
-        return tape
+        return tape, constraint
     from lagcli.engine.tape.differentiation import DerivativeBuilder
 
-    nq = len(eq.q)
+    given, nq = len(before) + len(right) + 1, len(eq.q)
     builder, outputs = DerivativeBuilder.of(tape)
-    found = right_sides(builder, long, iter(outputs[len(given) :]), range(1 + nq, 1 + 2 * nq))
+    found = right_sides(builder, long, iter(outputs[given:]), range(1 + nq, 1 + 2 * nq))
     for i, register in zip(long, found, strict=True):
         outputs[len(before) + i] = register
-    return builder.finish(outputs).selected(range(len(given)))
+    return builder.finish(outputs).selected(range(given)), constraint
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
