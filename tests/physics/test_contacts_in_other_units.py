@@ -217,6 +217,27 @@ def test_friction_by_two_forces_sticks_below_its_limit(law: str) -> None:
             assert run.q[-1, 0] == pytest.approx(expected, abs=1e-9), (u, w, force)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_friction_by_the_force_of_a_joint(first: bool) -> None:
+    """A pendulum in x, y and φ that starts at rest holds while m g l sin φ ≤ μ r m g."""
+    joint = "  pin: C - l*[sin(phi), -cos(phi)] = [0, 0]\n"
+    rub = "  rub: {expr: phi' = 0, limit: mu*r*hypot(lambda.pin.x, lambda.pin.y)}\n"
+    for angle, slips in ((0.2, False), (0.3, True)):
+        model = lagcli.load_text(
+            "coordinates: [x, y, phi]\n"
+            "parameters: {m: 2, g: 9.81, l: 0.5, mu: 0.25, r: 0.5, J: 0.1}\n"
+            "definitions: {C: '[x, y]'}\nT: m/2*dot(C', C') + J/2*phi'^2\nV: m*g*y\nconstraints:\n"
+            + (joint + rub if first else rub + joint)
+            + f"initial: {{phi: {angle}, phi': 0, x: {{guess: 0}}, y: {{guess: -1}},"
+            " x': {guess: 0}, y': {guess: 0}}\nsimulation: {t_end: 0.1, samples: 3}\n"
+        )
+        run = lagcli.simulate(model)
+        assert (run.v[-1, 2] < -1e-3) == slips
+        force = run.multipliers[:, list(run.constraints).index("rub")]
+        if not slips:
+            np.testing.assert_allclose(force, 2 * 9.81 * 0.5 * math.sin(angle), rtol=1e-12)
+
+
 @pytest.mark.parametrize("part", [-0.8, 0.5, 2.5, 9.0])
 def test_a_force_that_a_normal_force_causes(part: float) -> None:
     """A rail that is helped by k λ bears λ = w/(1 + k), and the limit of friction is 0.3 λ."""

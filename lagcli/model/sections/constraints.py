@@ -65,19 +65,26 @@ def read_constraints(
 ) -> tuple[Constraint, ...]:
     """Return the constraints that can be built, each followed by its friction."""
     readers = {id(d): _ConstraintReader(draft, d) for d in declared}
+    plain_by_name = {}
+    for name, member in members.items():
+        plain = plain_by_name[name] = readers[id(member.declaration)].plain(name, member.indices)
+        if not plain:
+            draft.names.broken_constraints.add(name)
+        for c in plain:
+            if c.name not in draft.names.constraints:  # a component
+                draft.names.constraints.pop(name, None)
+                draft.names.constraint_families.add(family_of(c.name))
+            draft.names.constraints[c.name] = None
+    for reader in readers.values():
+        reader.read_fields()  # limits may name components of all constraints
     built_by_entry: dict[tuple[int, str], list[Constraint]] = {}
     for name, member in members.items():
         d = member.declaration
-        built = list(readers[id(d)].constraints(name, member.indices))
+        built = list(readers[id(d)].completed(name, plain_by_name[name], member.indices))
         if not built:
             draft.names.broken_constraints.add(name)
         for c in built:
-            part = ""
-            if c.name not in draft.names.constraints:  # a component
-                part = family_of(c.name)
-                draft.names.constraints.pop(name, None)
-                draft.names.constraint_families.add(part)
-            draft.names.constraints[c.name] = None
+            part = family_of(c.name) if name not in draft.names.constraints else ""
             built_by_entry.setdefault((id(d), part), []).append(c)
     return tuple(c for rows in built_by_entry.values() for c in rows)
 
@@ -90,8 +97,8 @@ class _ConstraintReader:
         self.draft, self.what, self.declaration = draft, what, d
         self.builder: _ConstraintBuilder | None = None
         self.slip: _ConstraintBuilder | None = None
+        self.given: Mapping[str, YamlNode] = {}
         if d.kind:
-            self.fields = ContactFields(draft, d, {}, "=")
             equation = _Equation(d.key, *unit_length(d))
             self.builder = _ConstraintBuilder(draft, d, what, equation, None)
             return
@@ -104,14 +111,26 @@ class _ConstraintReader:
             return
         equation = read
         self.builder = _ConstraintBuilder(draft, d, what, equation, description)
-        self.fields = ContactFields(draft, d, fields, equation.relation)
+        self.given = fields
         if parsed := slip_equation(draft, fields, what):
             slipping = _Equation(parsed.node, parsed.tree, None)
             self.slip = _ConstraintBuilder(draft, d, f"`slip` of {what}", slipping, None)
 
-    def constraints(self, name: str, indices: Indices) -> Iterator[Constraint]:
-        """Yield the constraints of a member: one, with its friction, or one for each component."""
-        plain_ones = self.builder.constraints(name, indices) if self.builder else []
+    def plain(self, name: str, indices: Indices) -> list[Constraint]:
+        """Return the constraints of a member, one, or one for each component, without friction."""
+        return self.builder.constraints(name, indices) if self.builder else []
+
+    def read_fields(self) -> None:
+        """Read impacts, friction and limits, when all constraints are known by name."""
+        if self.builder:
+            self.fields = ContactFields(
+                self.draft, self.declaration, self.given, self.builder.relation
+            )
+
+    def completed(
+        self, name: str, plain_ones: list[Constraint], indices: Indices
+    ) -> Iterator[Constraint]:
+        """Yield the constraints of a member with all fields, each followed by its friction."""
         if self.slip and len(plain_ones) > 1:
             self.draft.report.add(
                 "shape",
