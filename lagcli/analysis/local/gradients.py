@@ -185,11 +185,11 @@ class ForwardJacobians:
         import symengine as se
 
         from lagcli.engine.tape.differentiation import directional
-        from lagcli.equations.derivation.jacobians import defects
+        from lagcli.equations.derivation.jacobians import residual_terms
 
         eq = equations
         self.nq = len(eq.q)
-        force, rhs = defects(eq)
+        force, rhs = residual_terms(eq)
         self._tape = directional(point_tape(eq, [se.Add(*terms) for terms in (*force, *rhs)]))
 
     def at(self, point: Point) -> MotionJacobians:

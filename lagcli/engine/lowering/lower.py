@@ -10,8 +10,8 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.right_sides import (
-    defects,
     long_constraints,
+    residuals,
     right_sides,
     rows_of,
     sources_of,
@@ -259,7 +259,7 @@ def _with_gradients(
     places = [[{j: next(registers) for j in row} for row in block] for block in blocks]
     times = [next(registers) for _ in range(nq + len(eq.constraints) + 1)]
     v, a = range(1 + nq, 1 + 2 * nq), range(1 + 2 * nq, 1 + 3 * nq)
-    gradients = builder.gradients(defects(builder, long, registers, v, a), range(a.start))
+    gradients = builder.gradients(residuals(builder, long, registers, v, a), range(a.start))
     for i, gradient in zip(long, gradients, strict=True):
         blocks[2][i] = places[2][i] = {x - 1: r for x, r in gradient.items() if 1 <= x <= nq}
         blocks[3][i] = places[3][i] = {x - 1 - nq: r for x, r in gradient.items() if x > nq}

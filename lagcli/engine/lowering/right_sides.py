@@ -85,7 +85,7 @@ def right_sides(
     return [builder.negative(x) for x in builder.along(velocities, along)]
 
 
-def defects(
+def residuals(
     builder: DerivativeBuilder,
     constraints: Mapping[int, ConstraintEquation],
     registers: Iterator[int],

@@ -11,7 +11,7 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import magnitude
-from lagcli.engine.lowering.right_sides import defects, long_constraints, rows_of, sources_of
+from lagcli.engine.lowering.right_sides import long_constraints, residuals, rows_of, sources_of
 from lagcli.engine.tape.differentiation import DerivativeBuilder
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
@@ -126,7 +126,7 @@ def _with_derivatives(
     q = range(1, 1 + nq)
     v = range(q.stop + n * nq, q.stop + n * nq + nq)
     a = range(v.stop + n * nq, v.stop + n * nq + nq)
-    found = defects(builder, long, registers, v, a)
+    found = residuals(builder, long, registers, v, a)
     place = {name: i for i, name in enumerate(eq.model.parameters, a.stop + nc)}
     for k, rates in enumerate(directions):
         along = {place[name]: next(registers) for name in rates}

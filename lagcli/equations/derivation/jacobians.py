@@ -67,7 +67,7 @@ def differentiate(equations: Equations, without: Container[int] = ()) -> Jacobia
     Jacobians
     """
     eq = equations
-    force, rhs = defects(eq)
+    force, rhs = residual_terms(eq)
     power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
     power += [v * x for v, reaction in zip(eq.v, _reactions(eq), strict=True) for x in reaction]
     columns = {x: i for i, x in enumerate((*eq.q, *eq.v, TIME))}
@@ -79,7 +79,7 @@ def differentiate(equations: Equations, without: Container[int] = ()) -> Jacobia
     )
 
 
-def defects(equations: Equations) -> tuple[list[list[Basic]], list[list[Basic]]]:
+def residual_terms(equations: Equations) -> tuple[list[list[Basic]], list[list[Basic]]]:
     """Return the terms of G = f − M a + Bᵀλ and of Γ = γ − B a, by coordinate and constraint."""
     eq = equations
     force = [
@@ -171,7 +171,7 @@ def differentiate_parameters(
     eq = equations
     columns = {se.Symbol(name): i for i, name in enumerate(parameters)}
     rows = partial(Motion.of(eq.model).row, columns=columns)
-    force, rhs = defects(eq)
+    force, rhs = residual_terms(eq)
     return ParameterJacobians(
         parameters=tuple(parameters),
         force=tuple(rows(parts) for parts in force),
