@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -204,6 +205,53 @@ simulation: {t_end: 3.2, samples: 2}
     of_c = -4 / 3 / math.sqrt(1 - 0.4**2)
     assert found.dv is not None
     assert found.dv[-1, 0].tolist() == pytest.approx([of_c, -0.4 * of_c], abs=1e-9)
+
+
+#: Pendulums with friction in their bearings: length, moment of inertia, friction, first angle.
+PENDULUMS = (
+    (0.5856491671436244, 0.1565647279682449, 0.08211470186857572, 1.9554050901609195),
+    (0.8269722766055607, 0.4942745795020665, 0.03868397546369651, 2.471372339550072),
+    (1.3702492039700847, 0.1790677440893999, 0.06428333350464058, 2.443835207300447),
+    (1.3309833188891114, 0.21242600007541546, 0.07324653750238494, 2.650296966631486),
+    (0.6225655096738716, 0.16615088364774785, 0.0465193655039018, 2.922959870361055),
+)
+
+
+@pytest.mark.parametrize(("l", "J", "k", "start"), PENDULUMS)
+def test_friction_of_a_bearing_whose_forces_pass_zero(
+    l: float, J: float, k: float, start: float
+) -> None:
+    """The error of a root of a force may exceed the rounding error of forces; g is 9.81."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y, h]
+T: (x'^2 + y'^2)/2 + {J!r}/2*h'^2
+V: 9.81*y
+Q: {{h: "-{k!r}*(abs(lambda.hor) + abs(lambda.ver))*tanh(h'/0.1)"}}
+constraints: {{hor: x = {l!r}*sin(h), ver: y = -{l!r}*cos(h)}}
+initial:
+  {{x: {{guess: 0}}, y: {{guess: 0}}, x': {{guess: 0}}, y': {{guess: 0}}, h: {start!r}, h': 0}}
+simulation: {{t_end: 10, samples: 11}}
+""")
+    found = lagcli.simulate(model)
+    assert found.status == "completed", found.message
+
+    def forces(h: float, w: float, a: float) -> tuple[float, float]:
+        s, c = math.sin(h), math.cos(h)
+        return l * (c * a - s * w * w), l * (s * a + c * w * w) + 9.81
+
+    def rhs(_: float, y: Any) -> list[float]:
+        h, w = y
+        a = 0.0
+        for _ in range(40):  # it contracts: k l/(l^2 + J) is small
+            load = sum(map(abs, forces(h, w, a)))
+            a = (-9.81 * l * math.sin(h) - k * load * math.tanh(w / 0.1)) / (l * l + J)
+        return [w, a]
+
+    own = solve_ivp(rhs, (0, 10), [start, 0.0], t_eval=found.time, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(found.q[:, 2], own.y[0], rtol=0, atol=1e-6)
+    states = zip(found.q[:, 2], found.v[:, 2], found.a[:, 2], strict=True)
+    expected = [forces(*state) for state in states]
+    np.testing.assert_allclose(found.multipliers, expected, rtol=0, atol=1e-8)
 
 
 INCLINED = """

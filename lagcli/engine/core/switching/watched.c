@@ -18,6 +18,8 @@
 #define TOGETHER_IN_TIME (8.0 * DBL_EPSILON) /* ... the rounding of the time: roots at one instant */
 #define LOOSE 100.0         /* of the tolerances: how far dense outputs of implicit methods may be off within a step */
 #define TWICE 2.0           /* the error of a root: what it still may be after the instant */
+#define BEYOND_ROOT 16.0    /* the error of a root: of a sign, whose slope may change there */
+#define LARGEST_ERROR 1e3   /* times the rounding error of a sign: its root's error is not larger */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
 /* The signed value of a condition's function at the state of its tape. */
@@ -70,6 +72,15 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     return 0;
 }
 
+/* What a sign may be off zero: its rounding error or, where it has turned at this instant, that of the root. */
+static double error_of_sign(const lag_switching *sw, int which)
+{
+    const double noise = noise_of_sign(sw, which);
+    if (!sw->turned[which])
+        return noise;
+    return fmax(noise, fmin(BEYOND_ROOT * fabs(sw->sign_before[which]), LARGEST_ERROR * noise));
+}
+
 /* Change signs until they are those of the functions, with the forces that follow from them. Returns LAG_RUNNING, or
  * LAG_NO_SIDE or LAG_UNDEFINED. */
 static int settle_sides(lag_run *run)
@@ -80,7 +91,7 @@ static int settle_sides(lag_run *run)
         if (lag_all_forces(run, run->step.t, run->step.y))
             return LAG_UNDEFINED;
         for (int s = 0; s < sw->signs; ++s) {
-            const double value = sw->sign_value[s], noise = noise_of_sign(sw, s);
+            const double value = sw->sign_value[s], noise = error_of_sign(sw, s);
             const int reached = sw->side[s] < 0.0 && sw->sign_before[s] < -noise && value >= -noise; /* by a jump */
             if (reached || sw->side[s] * value < -noise) {
                 sw->side[s] = -sw->side[s];
@@ -112,7 +123,7 @@ int lag_choose_sides(lag_run *run)
     int status = settle_sides(run);
     for (int s = 0; s < sw->signs; ++s) {
         /* it is back, where it was about to leave */
-        if (status == LAG_RUNNING && sw->turned[s] < 0 && fabs(sw->sign_value[s]) <= noise_of_sign(sw, s))
+        if (status == LAG_RUNNING && sw->turned[s] < 0 && fabs(sw->sign_value[s]) <= error_of_sign(sw, s))
             status = LAG_NO_SIDE;
         sw->turned[s] = 0;
         sw->sign_before[s] = sw->sign_value[s];
