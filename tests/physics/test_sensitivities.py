@@ -92,6 +92,27 @@ initial: {x: x_0, x': 0}
     np.testing.assert_allclose(found.dq[:, 0, 2], np.cos(w * t), atol=1e-10)
 
 
+@pytest.mark.parametrize("order", ["r: point, e: quaternion", "e: quaternion, r: point"])
+@pytest.mark.parametrize("fixed", ["[0, 0, w]", "[0, {guess: 0}, w]"])
+def test_a_spinning_body_in_closed_form(order: str, fixed: str) -> None:
+    """A spin about a principal axis: e = (cos ωt/2, 0, 0, sin ωt/2), and z = (g/ω) t."""
+    model = lagcli.load_text(f"""
+coordinates: {{{order}}}
+parameters: {{w: 1.5, g: 2}}
+T: body(2, diag(1, 2, 3), r, e)
+initial: {{e: 1, e': {fixed}, r: 0, r': [0, 0, g/w]}}
+""")
+    found = lagcli.simulate(model, t_end=2, samples=11, rtol=1e-12, sensitivity=("w",))
+    t, names = found.time, found.coordinates
+    zero, half = np.zeros(11), 1.5 * found.time / 2
+    expected = {
+        **{"e.0": -np.sin(half) * t / 2, "e.1": zero, "e.2": zero, "e.3": np.cos(half) * t / 2},
+        **{"r.x": zero, "r.y": zero, "r.z": -2 / 1.5**2 * t},
+    }
+    assert found.dq is not None
+    np.testing.assert_allclose(found.dq[:, :, 0].T, [expected[q] for q in names], atol=1e-9)
+
+
 def test_the_force_of_a_rope_in_closed_form() -> None:
     """Atwood's machine: λ is the rope's force, of magnitude 2 m₁ m₂ g/(m₁ + m₂)."""
     model = lagcli.load_text("""

@@ -144,12 +144,12 @@ def start_derivatives(
         _check(position, scale, holonomic, "position")
     for spin in spins:
         assert before is not None
-        places = list(spin.places)
-        e, rates = before.q[places], before.v[places]
+        parts = list(spin.places)
+        e, rates = before.q[parts], before.v[parts]
         for k in range(n):
-            turn = spin_derivative(e, rates, given.q[k, places], given.v[k, places])
-            turn = rates_of_spin(q[places]) @ turn
-            u[k, places] = turn + rates_of_spin(s[k, places]) @ spin_of(e, rates)
+            turn = spin_derivative(e, rates, given.q[k, parts], given.v[k, parts])
+            turn = rates_of_spin(q[parts]) @ turn
+            u[k, parts] = turn + rates_of_spin(s[k, parts]) @ spin_of(e, rates)
     correct(held, u, residuals()[1], free_directions(spins, fixed_v, q))
     _, velocity, _, scale = residuals()
     # the change of the rates by one of the configuration
