@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import lagcli
 from lagcli.model.model import Model
@@ -354,3 +355,35 @@ initial: {x: 0, y: 0, x': 1, y': 0}
     assert "derivatives by `y` end at t = 0" in note
     assert "`floor` holds there only for this value" in note
     np.testing.assert_allclose(found.dq[-1, :, 0], [1, 0], atol=1e-12)  # type: ignore[index]
+
+
+@pytest.mark.parametrize("switches", ["events: {far: {when: y >= 100, stop: true}}", ""])
+def test_entries_of_the_jacobian_that_the_elimination_does_without(switches: str) -> None:
+    """Compare a point on a curve with its motion along y, by the energy."""
+    model = lagcli.load_text(
+        f"""
+coordinates: [x, y]
+parameters: {{m: 1.3}}
+T: (m*x'^2 + y'^2)/2
+V: 0
+constraints: {{c: "-2.3*x - exp(y) = -3"}}
+initial: {{x: {{guess: 0.5}}, y: 0.5, x': {{guess: 0}}, y': 0.5}}
+simulation: {{t_end: 1, samples: 9, rtol: 1e-12}}
+{switches}
+"""
+    )
+    run = lagcli.simulate(model, sensitivity=["m"])
+
+    def along(m: float) -> NDArray[np.float64]:
+        start = 1 + m * (np.exp(0.5) / 2.3) ** 2
+
+        def rate(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+            return 0.5 * np.sqrt(start / (1 + m * (np.exp(y) / 2.3) ** 2))
+
+        times = np.linspace(0, 1, 9)
+        y = solve_ivp(rate, (0, 1), [0.5], "DOP853", times, rtol=1e-13, atol=1e-14).y[0]
+        return np.array([-np.exp(y) / 2.3 * rate(0, y), rate(0, y)]).T
+
+    step = 1e-3
+    expected = (along(1.3 + step) - along(1.3 - step)) / (2 * step)
+    np.testing.assert_allclose(run.dv[..., 0], expected, atol=1e-8)  # that of the difference

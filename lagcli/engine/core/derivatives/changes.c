@@ -427,7 +427,7 @@ int lag_project_changes(lag_run *run, double t, double *y)
     lag_derivatives *w = &run->derivatives;
     const lag_system *s = &run->system;
     const lag_switching *sw = &run->switching;
-    const lag_tape *c = &w->constraint, *d = &s->dynamics;
+    const lag_tape *c = &w->constraint, *b_of = &s->constraint; /* the factors may do without some entries of B */
     const int nq = s->nq, nc = s->nc;
     double *residual = w->right, *of_rows = w->row, *x = w->x;
     int count = 0, *rows = w->acts, with_gaps = 0, *gaps = w->pivots;
@@ -441,6 +441,8 @@ int lag_project_changes(lag_run *run, double t, double *y)
         return 0;
     if (lag_factor(run, t, y) || (count && lag_find_rows(run, t, y)))
         return 1;
+    if (nc)
+        lag_evaluate(b_of, s, t, y, LAG_VELOCITIES);
     for (int i = 0; i < count; ++i)
         lag_row_response(run, rows[i]);
     for (int k = 0; k < w->n; ++k) {
@@ -470,7 +472,7 @@ int lag_project_changes(lag_run *run, double t, double *y)
             residual[i] = OUT(c, s->nh + s->nb + i);
         for (int b = 0; b < s->nb; ++b)
             residual[s->jacobian_row[b]] += OUT(c, s->nh + b) * y[nq + s->jacobian_column[b]]
-                                            + OUT(d, lag_first_jacobian(s) + b) * of_v[s->jacobian_column[b]];
+                                            + OUT(b_of, lag_constraint_jacobian(s) + b) * of_v[s->jacobian_column[b]];
         if (count)
             lag_evaluate_along(run, &w->functions, t, y, lag_direction_of(run, y, k, 0.0));
         for (int i = 0; i < count; ++i)
