@@ -164,7 +164,7 @@ class Sensitivity:
         if system.has_kinks:
             self._refuse_hidden_jumps()
         self.problem: TangentProblem | SwitchedProblem
-        if self._switches(settings):
+        if self._switches():
             from lagcli.engine.sensitivity.switched_run import SwitchedProblem
 
             self.problem = SwitchedProblem(system, names, self.directions.scales)
@@ -183,20 +183,19 @@ class Sensitivity:
                 " steps do not end; smooth it, for instance with `tanh`"
             )
 
-    def _switches(self, settings: Settings) -> bool:
+    def _switches(self) -> bool:
         """Return whether derivatives may jump: at contacts, events, and jumps of forces."""
         system = self.system
         if system.switching is not None or not system.has_kinks:
             return system.switching is not None
         from lagcli.engine.switching.kinks import frozen_of
-        from lagcli.simulations.surfaces import jumping_names
+        from lagcli.simulations.surfaces import has_jumps
 
         frozen = frozen_of(system)
         if frozen is None:
             return False
-        nothing, p = np.zeros(len(system.coordinates)), self.equations.model.parameter_values
-        start = State(settings.t_start, nothing, nothing, tuple(p.values()))
-        return any(kink.timed for kink in frozen.kinks) or bool(jumping_names(system, start))
+        p = tuple(self.equations.model.parameter_values.values())
+        return any(kink.timed for kink in frozen.kinks) or has_jumps(system, p)
 
     def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
         """Return the derivatives of a consistent initial state with respect to θ / scale.

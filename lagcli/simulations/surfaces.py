@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -10,17 +10,15 @@ from lagcli.arrays import Array
 from lagcli.engine.contract import Block
 from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.switching.splitting import SplitSystem
-from lagcli.engine.system import State, System
+from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple
 
 #: Values of a function below this part of its largest terms count as zero; residual of the
 #: combination of both sides, relative to that of one side, while sliding.
 _ON, _BETTER = 1e-9, 0.1
-#: Number of trial states, number of steps towards a surface, accuracy; difference that is a jump.
-_TRIES, _NEWTON, _SOLVED, _JUMP = 3, 6, 1e-7, 1e-4
 
 
 class SurfaceValues(NamedTuple):
@@ -109,66 +107,83 @@ def _beside(kink: Kink, whole: Array, upper: bool) -> Array:
     return np.asarray(whole - (not upper) + (kink.whole < 0))
 
 
-def jumping_names(system: System, start: State) -> tuple[str, ...]:
-    """Return names on which a branch with jumps of forces or constraints depends; empty if there is
-    none.
+#: Comparisons, operations with whole results, and conditions made of others.
+_COMPARED, _WHOLE, _JOINED = (Op.LT, Op.LE), (Op.FLOOR, Op.CEIL), (Op.AND, Op.OR, Op.NOT)
+#: Number of lines for each comparison, of which so many are needed; number of steps to its surface,
+#: and relative accuracy.
+_LINES, _NEEDED, _SECANT, _ROOT = 8, 2, 40, 1e-14
+#: Distances from a surface; part of the difference at the farther one that a jump has at the nearer
+#: one, and part of the values that rounding has.
+_NEAR, _FAR, _KEPT, _ROUNDING = 1e-12, 1e-9, 0.3, 1e-13
 
-    The two sides are compared at points of each surface near random states.
+
+def has_jumps(system: System, p: Sequence[float]) -> bool:
+    """Return whether forces or constraints may jump at a branch.
+
+    The two values between which each comparison decides are evaluated beside points of its surface.
+    They count wherever they are used, since a region where they are may be met by no random point;
+    so do those of surfaces that are not found.
 
     Parameters
     ----------
     system : System
-    start : State
+    p : sequence of float
+        Values of its parameters.
     """
-    frozen = frozen_of(system) if system.has_kinks else None
-    if frozen is None:
-        return ()
-    functions, dynamics = ScalarTape(frozen.functions), ScalarTape(frozen.system.dynamics)
-    rng, nq = np.random.default_rng(0), len(start.q)
-    for _ in range(_TRIES):
-        change = rng.normal(size=(2, nq))
-        y = np.concatenate([start.q, start.v]) + change.ravel()
-        for k, kink in enumerate(frozen.kinks):
-            if kink.timed:
+    tape = system.dynamics
+    if _has_whole(tape, p):
+        return True
+    every = tape._replace(outputs=tuple(range(tape.registers)))
+    for (a, b), choices in _choices(tape, p).items():
+        values = [x for pair in choices for x in pair]
+        run = ScalarTape(every.selected([a, b, *values]))
+        found = 0
+        for at in _lines(run, tape, p):
+            s = _surface(at, 0)
+            if s is None:
                 continue
-            at = frozen.frozen(start._replace(q=y[:nq], v=y[nq:]))
-            point = _on_surface(functions, k, at, y)
-            if point is None:
-                continue
-            sides = []
-            for upper in (True, False):
-                p = list(at.p)
-                whole = np.round(functions((at.t, *point, *p))[k])
-                p[len(start.p) + k] = float(_beside(kink, np.array([whole]), upper)[0])
-                sides.append(np.array(dynamics((at.t, *point, *p))))
-            if (np.abs(sides[0] - sides[1]) > _JUMP * (1 + np.abs(sides[0]))).any():
-                return kink.names
-    return ()
+            (near, size), (far, _) = (_apart(at, s, distance) for distance in (_NEAR, _FAR))
+            if np.isnan(near).any() or _is_jump(near, far, size):
+                return True
+            found += 1
+            if found == _NEEDED:
+                break
+        if not found:
+            return True
+    return False
 
 
-def _on_surface(functions: ScalarTape, k: int, at: State, y: Array) -> list[float] | None:
-    """Return a state near another at which the function of a kink vanishes, or is an integer."""
-    point = y.copy()
-
-    def value(x: Array) -> float:
-        return functions((at.t, *x.tolist(), *at.p))[k]
-
-    for _ in range(_NEWTON):
-        g = value(point)
-        slopes = np.array(
-            [(value(point + d) - value(point - d)) / 2e-6 for d in 1e-6 * np.eye(len(y))]
-        )
-        square = float(slopes @ slopes)
-        if not np.isfinite(g) or not square > 0:
-            return None
-        point = point - g / square * slopes
-    return point.tolist() if abs(value(point)) < _SOLVED * (1 + np.abs(point).max()) else None
+def _choices(tape: Tape, p: Sequence[float]) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Return the values between which comparisons that change along a run decide."""
+    compared: dict[int, set[tuple[int, int]]] = {}
+    found: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    moving = _moving(tape, p)
+    for op, to, a, b, c in tape.code:
+        if op in _COMPARED and (a in moving or b in moving):
+            compared[to] = {(a, b)}
+        elif op in _JOINED:
+            compared[to] = {x for i in (a, b)[: ARITY[op]] for x in compared.get(i, ())}
+        elif op == Op.SELECT:
+            for pair in compared.get(a, ()):
+                found.setdefault(pair, []).append((b, c))
+    return found
 
 
-_COMPARED, _WHOLE = (Op.LT, Op.LE), (Op.FLOOR, Op.CEIL)
-#: Number of lines for each comparison, number of steps to its surface, and relative accuracy; step
-#: across the surface, and relative difference that is a jump.
-_LINES, _SECANT, _ROOT, _OVER, _LEAST_JUMP = 8, 40, 1e-14, 1e-12, 1e-3
+def _apart(at: Callable[[float], Array], s: float, distance: float) -> tuple[Array, Array]:
+    """Return by how much pairs of values differ near a surface, and their sizes.
+
+    Differences without a value do not count: each value may have one on its own side alone.
+    """
+    step = distance * (1 + abs(s))
+    one, other = np.array([at(x)[2:].reshape(-1, 2) for x in (s - step, s + step)]).T
+    differences = np.abs(one[:, :, None] - other[:, None, :])
+    sizes = np.fmax(np.abs(one), np.abs(other))
+    return np.fmax.reduce(differences, axis=(1, 2)), np.fmax.reduce(sizes, axis=1)
+
+
+def _is_jump(near: Array, far: Array, size: Array) -> bool:
+    """Return whether values of some sizes that differ far from a surface also do so near it."""
+    return bool(((near > _KEPT * far) & (near > _ROUNDING * size)).any())
 
 
 def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
@@ -202,32 +217,56 @@ def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
     )
 
 
-def _jumps(tape: Tape, count: int | None, p: list[float]) -> bool:
+def _jumps(tape: Tape, count: int | None, p: Sequence[float]) -> bool:
     """Return whether one of the first outputs of a tape jumps."""
-    compared = [(a, b) for op, _, a, b, _ in tape.code if op in _COMPARED]
-    if any(line[0] in _WHOLE for line in tape.code):
+    if _has_whole(tape, p):
         return True
+    compared = [(a, b) for op, _, a, b, _ in tape.code if op in _COMPARED]
     if not compared:
         return False
     outputs = tape.outputs[:count]
     count = len(outputs)
     run = ScalarTape(tape._replace(outputs=(*outputs, *(x for pair in compared for x in pair))))
-    rng, moving = np.random.default_rng(0), tape.inputs - tape.functions.size - len(p)
-
     for k in range(len(compared)):
-        for _ in range(_LINES):
-            start, along = rng.normal(size=(2, moving))
-
-            def at(s: float, start: Array = start, along: Array = along) -> Array:
-                return np.array(run((*(start + s * along).tolist(), *p)))
-
+        for at in _lines(run, tape, p):
             s = _surface(at, count + 2 * k)
             if s is None:
                 continue
-            below, above = at(s - _OVER)[:count], at(s + _OVER)[:count]
-            if (np.abs(above - below) > _LEAST_JUMP * (1 + np.abs(below))).any():
+            sides = []
+            for distance in (_NEAR, _FAR):
+                step = distance * (1 + abs(s))
+                sides.append(np.array([at(s - step)[:count], at(s + step)[:count]]))
+            near, far = (np.abs(below - above) for below, above in sides)
+            if _is_jump(near, far, np.abs(sides[0]).max(axis=0)):
                 return True
     return False
+
+
+def _moving(tape: Tape, p: Sequence[float]) -> set[int]:
+    """Return the registers of a tape that change along a run."""
+    moving = {*range(tape.inputs - tape.functions.size - len(p))}
+    for op, to, *operands in tape.code:
+        if not moving.isdisjoint(operands[: ARITY[op]]):
+            moving.add(to)
+    return moving
+
+
+def _has_whole(tape: Tape, p: Sequence[float]) -> bool:
+    """Return whether a tape takes whole parts of what changes along a run."""
+    moving = _moving(tape, p)
+    return any(op in _WHOLE and a in moving for op, _, a, *_ in tape.code)
+
+
+def _lines(run: ScalarTape, tape: Tape, p: Sequence[float]) -> Iterator[Callable[[float], Array]]:
+    """Return the outputs of a tape along random lines."""
+    rng, moving = np.random.default_rng(0), tape.inputs - tape.functions.size - len(p)
+    for _ in range(_LINES):
+        start, along = rng.normal(size=(2, moving))
+
+        def at(s: float, start: Array = start, along: Array = along) -> Array:
+            return np.array(run((*(start + s * along).tolist(), *p)))
+
+        yield at
 
 
 def _surface(at: Callable[[float], Array], place: int) -> float | None:

@@ -357,6 +357,33 @@ initial: {x: 0, y: 0, x': 1, y': 0}
     np.testing.assert_allclose(found.dq[-1, :, 0], [1, 0], atol=1e-12)  # type: ignore[index]
 
 
+JUMPS = """
+coordinates: [x]
+parameters: {{c: 0.5, m: {mass}}}
+T: m*x'^2/2
+V: 0
+Q: {{x: "{force}"}}
+initial: {{x: 0, x': {speed}}}
+simulation: {{t_end: 1, samples: 2}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("force", "mass", "speed", "slope"),
+    [
+        # x' = 1 until x = c at t = c, then 1 − (t − c)
+        ("if(x > c, -m, 0)", 1e-6, 1.0, 1.0),
+        ("if(x > c, -m, 0)", 1e6, 1.0, 1.0),
+        # x'' = 2 c until x' = −√½ at t₁ = (0.851 − √½)/(2 c), then c: ∂x'/∂c = t − t₁ + t₁
+        ("m*c*(floor(2*x'^2) + 1)", 1.0, -0.851, 1.0),
+    ],
+)
+def test_forces_that_jump_at_any_size(force: str, mass: float, speed: float, slope: float) -> None:
+    model = lagcli.load_text(JUMPS.format(force=force, mass=mass, speed=speed))
+    run = lagcli.simulate(model, sensitivity=["c"])
+    assert run.dv[-1, 0, 0] == pytest.approx(slope, rel=1e-8)
+
+
 @pytest.mark.parametrize("switches", ["events: {far: {when: y >= 100, stop: true}}", ""])
 def test_entries_of_the_jacobian_that_the_elimination_does_without(switches: str) -> None:
     """Compare a point on a curve with its motion along y, by the energy."""

@@ -7,10 +7,9 @@ import pytest
 
 import lagcli
 from lagcli.engine.lowering.lower import lower
-from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import UsageError
-from lagcli.simulations.surfaces import has_hidden_jumps, jumping_names
+from lagcli.simulations.surfaces import has_hidden_jumps, has_jumps
 
 
 def text(force: str) -> str:
@@ -21,21 +20,30 @@ def text(force: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("force", "names"),
+    ("force", "jumps"),
     [
-        ("-if(x > h, 1, 0)", ("x",)),
-        ("sign(x' + y)", ("y", "x'")),
-        ("floor(x*x')", ("x", "x'")),
-        ("-abs(x' - y)*x", ()),
-        ("max(x, y^2) + min(x', 0)", ()),
-        ("if(x > h, x - h, 0)^2", ()),
-        ("if(t < h, 1, 0)", ()),
+        ("-if(x > h, 1, 0)", True),
+        ("sign(x' + y)", True),
+        ("floor(x*x')", True),
+        ("floor(2*x'^2)", True),  # at zero, too, where its argument has a double root
+        ("-abs(x' - y)*x", False),
+        ("max(x, y^2) + min(x', 0)", False),
+        ("if(x > h, x - h, 0)^2", False),
+        ("if(x > 0.5, sqrt(x - h), 0)", False),
+        ("if(t < h, 1, 0)", True),
+        ("-1e-6*if(x > h, 1, 0)", True),  # small, as is all of the force
+        ("if(x > h, 1e4*(x - h) + 1e-3, 0)", True),  # small beside the slope
+        ("if(x > 5 and y > 3, -x, 0)", True),  # a region that random states miss
+        ("max(0, min(x - 50, y - 30))", False),
+        # what the inner choice does where the outer one leaves it out counts
+        ("if(x > 50, if(y > 30, min(x - 50, y - 30), 0), 0)", True),
+        ("if(x^2 + y^2 < 1e-6*h, 1, 0)", True),  # a region that random lines miss
+        ("floor(7*h)*x + if(h > 1, x, y)", False),
     ],
 )
-def test_forces_that_jump(force: str, names: tuple[str, ...]) -> None:
+def test_forces_that_jump(force: str, jumps: bool) -> None:
     system = lower(derive(lagcli.load_text(text(force))))
-    nothing = np.zeros(2)
-    assert jumping_names(system, State(0.0, nothing, nothing, (0.5,))) == names
+    assert has_jumps(system, (0.5,)) == jumps
 
 
 def test_sensitivities_take_kinks() -> None:
@@ -63,6 +71,9 @@ initial: {{x: l, y: 0, x': 0, y': {{guess: 0}}}}
         ("if(lambda.rod < F, 0, sqrt(lambda.rod - F) + 1)", True),
         ("floor(lambda.rod)", True),
         ("if(x > 0.5, sqrt(x - 0.5) + 1, 0)", True),
+        ("1e-7*if(x > 0.5, sqrt(x - 0.5) + 1, 0)", True),
+        ("floor(-F)*sqrt(max(x - 0.5, 0))", False),  # the parameter does not change
+        ("-sign(x)*abs(x)^1.5", False),
         ("if(x > 0.5, 1, 0)", False),  # a step ends there
         ("floor(3*x)", False),
         ("abs(lambda.rod)/10", False),
