@@ -82,6 +82,18 @@ def test_exact_data_give_back_the_exact_values(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.values, [1.3, 12.0, 0.3, 1.0], rtol=1e-7)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.2])
+def test_damping_that_is_found_to_be_zero_has_an_error(tmp_path: Path, start: float) -> None:
+    """Errors depend continuously on the values: they are those next to c = 0."""
+    errors = []
+    for c in (0.0, 1e-4):
+        measured(tmp_path, noise=0.0, c=c)
+        found = lagcli.fit(model(tmp_path, BOTH, set={"c": start}), rtol=1e-11)
+        assert found.values[2] == pytest.approx(c, abs=1e-9)
+        errors.append(found.standard_errors)
+    np.testing.assert_allclose(errors[0], errors[1], rtol=1e-3)
+
+
 def test_the_jacobian_is_that_of_the_residuals(tmp_path: Path) -> None:
     from lagcli.analysis.fit.experiment import experiments_of, read_measured
     from lagcli.settings.settings import SettingsOverrides, resolve

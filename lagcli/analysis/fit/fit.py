@@ -216,9 +216,8 @@ def _result(
     evaluation = best.evaluation
     assert evaluation is not None
     free = np.array([not bound for bound in active])
-    sure = uncertainty(
-        evaluation.residuals, evaluation.jacobian, best.values, names, free, estimated
-    )
+    residuals, jacobian = evaluation.residuals, evaluation.jacobian
+    sure = uncertainty(residuals, jacobian, best.values, problem.scales, names, free, estimated)
     errors, half = sure.standard_errors, quantile(level, sure.freedom, estimated)
     low, high = best.values - half * errors, best.values + half * errors
     if ci == "profile":

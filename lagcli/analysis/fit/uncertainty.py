@@ -90,6 +90,7 @@ def uncertainty(
     residuals: Array,
     jacobian: Array,
     values: Array,
+    scales: Array,
     names: Sequence[str],
     free: Flags,
     estimated: bool,
@@ -101,6 +102,8 @@ def uncertainty(
     residuals : (n,) array
     jacobian : (n, k) array
     values : (k,) array
+    scales : (k,) array
+        Sizes of the quantities where the search began.
     names : sequence of k str
     free : (k,) array of bool
         The quantities that do not lie on a bound.
@@ -109,10 +112,16 @@ def uncertainty(
     """
     places = np.flatnonzero(free)
     size = np.where(values != 0, np.abs(values), 1.0)[places]
-    scaled = jacobian[:, places] * size
     # columns differ in length because of units; that is not a dependency
+    longest = np.linalg.norm(jacobian[:, places] * size, axis=0).max(initial=0.0)
+    # a value near zero says nothing about the size of the quantity
+    widest = np.maximum(size, scales[places])
+    unseen = np.linalg.norm(jacobian[:, places] * widest, axis=0) <= _VANISHING * max(
+        longest, 1e-300
+    )
+    size = np.where(unseen, widest, size)
+    scaled = jacobian[:, places] * size
     lengths = np.linalg.norm(scaled, axis=0)
-    unseen = lengths <= _VANISHING * max(lengths.max(initial=0.0), 1e-300)
     weight = np.where(unseen, 1.0, np.where(lengths > 0, lengths, 1.0))
     _, singular, right = np.linalg.svd(scaled / weight, full_matrices=False)
     right = right.T

@@ -12,12 +12,13 @@ RNG = np.random.default_rng(5)
 RESIDUALS = RNG.normal(size=40)
 JACOBIAN = RNG.normal(size=(40, 3)) * [1.0, 1e-6, 1e4]
 VALUES = np.array([2.0, 0.0, -3e-4])
+SCALES = np.array([1.0, 1.0, 3e-4])
 FREE = np.ones(3, dtype=bool)
 NAMES = ("a", "b", "c")
 
 
 def found(jacobian: np.ndarray, *, estimated: bool = False, free: np.ndarray = FREE) -> Uncertainty:
-    return uncertainty(RESIDUALS, jacobian, VALUES, NAMES, free, estimated)
+    return uncertainty(RESIDUALS, jacobian, VALUES, SCALES, NAMES, free, estimated)
 
 
 def test_the_covariance_is_that_of_linear_least_squares() -> None:
@@ -37,7 +38,7 @@ def test_a_combination_that_the_data_do_not_identify_is_named() -> None:
     values = np.array([2.0, 5.0, 1.0])
     jacobian = JACOBIAN.copy()
     jacobian[:, 1] = -2.0 / 5.0 * jacobian[:, 0]
-    sure = uncertainty(RESIDUALS, jacobian, values, NAMES, FREE, False)
+    sure = uncertainty(RESIDUALS, jacobian, values, np.abs(values), NAMES, FREE, False)
     (combination,) = sure.combinations
     assert combination.names == ("a", "b")
     np.testing.assert_allclose(combination.changes, [1, 1], rtol=1e-8)
@@ -58,6 +59,15 @@ def test_a_quantity_that_the_data_do_not_depend_on_is_named() -> None:
     assert np.isfinite(sure.standard_errors[[0, 2]]).all()
 
 
+@pytest.mark.parametrize("value", [1e-9, 1e-14, -1e-30])
+def test_a_quantity_that_is_found_to_be_nearly_zero_has_an_error(value: float) -> None:
+    values = np.array([2.0, value, -3e-4])
+    sure = uncertainty(RESIDUALS, JACOBIAN, values, SCALES, NAMES, FREE, False)
+    assert not sure.combinations
+    expected = np.linalg.inv(JACOBIAN.T @ JACOBIAN)
+    np.testing.assert_allclose(sure.covariance, expected, rtol=1e-8)
+
+
 def test_quantities_on_a_bound_have_no_error() -> None:
     sure = found(JACOBIAN, free=np.array([True, False, True]))
     assert np.isnan(sure.standard_errors[1])
@@ -67,7 +77,7 @@ def test_quantities_on_a_bound_have_no_error() -> None:
 
 
 def test_fewer_data_than_quantities_leave_combinations() -> None:
-    sure = uncertainty(RESIDUALS[:2], JACOBIAN[:2], VALUES, NAMES, FREE, False)
+    sure = uncertainty(RESIDUALS[:2], JACOBIAN[:2], VALUES, SCALES, NAMES, FREE, False)
     assert len(sure.combinations) == 1
 
 
