@@ -262,3 +262,53 @@ def test_impacts_with_more_than_one_motion() -> None:
             assert any("more than one motion" in x for x in event_sentences(log.to_mapping()))
     assert counted[1] > 5
     assert counted[2] > 5
+
+
+@pytest.mark.parametrize("law", ["abs(lambda.{0}y)", "sqrt(lambda.{0}x^2 + lambda.{0}y^2)"])
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_bearings_share_a_torque_by_forces_of_the_other_sign(law: str, rate: float) -> None:
+    """A crank slips where no share of the torque obeys both laws, and no earlier.
+
+    The shares of least norm, which obey none, have a force of the other sign on the pin.
+    """
+    k, angles = (0.07, 0.015), (-2.6, math.acos(0.5 * math.cos(2.6)) - math.pi)
+    model = lagcli.load_text(f"""
+coordinates: [x, y, h, u, w, b]
+T: (x'^2 + y'^2)/2 + 0.08/2*h'^2 + 1.5/2*(u'^2 + w'^2) + 0.25/2*b'^2
+V: 11*y + 15*w
+Q: {{h: "-2 + {rate!r}*t", b: 4.27}}
+constraints:
+  Ox: x - 0.3*sin(h) = 0
+  Oy: y + 0.3*cos(h) = 0
+  Ax: u - 0.6*sin(b) = x + 0.3*sin(h)
+  Ay: w + 0.6*cos(b) = y - 0.3*cos(h)
+  guide: w - 0.6*cos(b) = 0
+  first: {{expr: "h' = 0", limit: "{k[0]}*{law.format("O")}"}}
+  second: {{expr: "b' - h' = 0", limit: "{k[1]}*{law.format("A")}"}}
+initial: {{x: {{guess: 0}}, y: {{guess: 0}}, u: {{guess: 0}}, w: {{guess: 0}},
+  b: {{guess: {angles[1]}}},
+  x': {{guess: 0}}, y': {{guess: 0}}, u': {{guess: 0}}, w': {{guess: 0}}, b': {{guess: 0}},
+  h: {angles[0]}, h': 0}}
+simulation: {{t_end: 1, samples: 101}}
+""")
+    run = lagcli.simulate(model)
+    assert run.status == "completed", run.message
+    assert run.events is not None
+    # at the limit of both, with forces Ox, Oy, Ax, Ay, guide, and the torque on the crank
+    (s, c), (sb, cb) = [(math.sin(x), math.cos(x)) for x in (run.q[0, 2], run.q[0, 5])]
+    rows = np.array(
+        [
+            [1, 0, -1, 0, 0, 0],
+            [0, 1, 0, -1, 0, 0],
+            [-0.3 * c, -0.3 * s - k[0], -0.3 * c, -0.3 * s - k[1], 0, 1],
+            [0, 0, 1, 0, 0, 0],
+            [0, 0, 0, 1, 1, 0],
+            [0, 0, -0.6 * cb, -0.6 * sb + k[1], 0.6 * sb, 0],
+        ]
+    )
+    torque = np.linalg.solve(rows, [0, 11, 0, 0, 15, -4.27])[5]
+    slips = run.events.time[np.array(run.events.kinds) == "slips"]
+    assert slips == pytest.approx(np.full(2, (torque + 2) / rate), rel=1e-6)
+    stuck = run.multipliers[run.time < slips[0]]
+    assert (np.abs(stuck[:, 5]) <= k[0] * np.hypot(stuck[:, 0], stuck[:, 1]) * (1 + 1e-9)).all()
+    assert (np.abs(stuck[:, 6]) <= k[1] * np.hypot(stuck[:, 2], stuck[:, 3]) * (1 + 1e-9)).all()

@@ -8,6 +8,7 @@
 #define PIVOT 1e-9     /* of the largest entry: pivots that are rounding errors */
 #define OPTIMAL 4e-15  /* of the forces: a reduced cost that counts as zero */
 #define PIVOTS 50      /* per column */
+#define MOST_SIGNS 8   /* number of forces whose other signs are tried, too */
 
 /*
  * The largest s <= 1 for which some z has g_i . z + b_i >= s for all i, n of them, is the least
@@ -131,28 +132,14 @@ static int shared_laws(lag_contact_work *w, int count, double *along)
     return shared;
 }
 
-int lag_share_contacts(
-    const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack, int *tight)
+/* The largest s for which the forces obey the laws with a margin s, where other shares change them, with the signs that
+ * were solved last; s <= `large`. `price` gets the laws' prices, and `laws` the number of them. */
+static double margin_of_signs(lag_contact_work *w, double large, const double **price, int *laws)
 {
-    const int n = problem->n;
-    lag_contact_work work, *w = &work;
-    double tolerance, large = 0.0;
-    lag_contact_prepare(w, problem, memory);
-    memcpy(w->mode, mode, (size_t)n * sizeof *mode);
-    for (int i = 0; i < n; ++i)
-        w->sign[i] = force[i] < 0.0 ? -1 : 1;
-    lag_contact_solve(w, &tolerance);
-    if (!w->freedom)
-        return 0;
-    for (int i = 0; i < n; ++i) {
-        force[i] = w->force[i];
-        large = fmax(large, fabs(force[i]));
-        slack[i] = INFINITY;
-        tight[i] = 0;
-    }
     const int freedom = w->freedom, count = shared_laws(w, lag_contact_inequalities(w), w->reduced);
+    *laws = count;
     if (!count || large == 0.0)
-        return 1;
+        return INFINITY;
     simplex x = {.equations = freedom + 1, .columns = count + 1, .table = w->scratch, .basis = w->place};
     for (int j = 0; j <= count; ++j) {
         for (int f = 0; f < freedom; ++f)
@@ -162,7 +149,84 @@ int lag_share_contacts(
     }
     for (int i = 0; i <= x.equations; ++i)
         row_of(&x, i)[x.columns] = i == freedom;
-    const double s = large * largest_slack(&x), *price = row_of(&x, x.equations);
+    const double s = large * largest_slack(&x);
+    *price = row_of(&x, x.equations);
+    return s;
+}
+
+static double largest_force(const lag_contact_work *w)
+{
+    double large = 0.0;
+    for (int i = 0; i < w->n; ++i)
+        large = fmax(large, fabs(w->force[i]));
+    return large;
+}
+
+/* List the rows whose forces have a sign on which limits depend and which other shares may turn; returns how many. */
+static int list_signs(const lag_contact_work *w, int *rows)
+{
+    int count = 0;
+    for (int i = 0; i < w->n && count < MOST_SIGNS; ++i) {
+        double changed = 0.0;
+        for (int f = 0; f < w->freedom; ++f)
+            changed = fmax(changed, fabs(w->null[f * w->n + i]));
+        if (w->referred[i] && w->mode[i] == LAG_HOLDS && w->problem->law[i] != LAG_UNILATERAL && changed > SHARED)
+            rows[count++] = i;
+    }
+    return count;
+}
+
+/* Solve with the signs of forces with which some share obeys the laws: those given, or the first others; or with those
+ * with which the laws are violated least. */
+static void choose_signs(lag_contact_work *w, double *tolerance)
+{
+    int rows[MOST_SIGNS], laws, best = 0;
+    const double *price;
+    if (lag_contact_solve(w, tolerance) || !w->freedom)
+        return;
+    const int count = list_signs(w, rows);
+    double largest = -INFINITY;
+    for (int turned = 0, last = 0; turned < 1 << count; last = turned++) {
+        for (int k = 0; k < count; ++k)
+            if ((turned ^ last) >> k & 1)
+                w->sign[rows[k]] = -w->sign[rows[k]];
+        if (lag_contact_solve(w, tolerance))
+            return;
+        const double s = margin_of_signs(w, largest_force(w), &price, &laws);
+        if (s > largest) {
+            largest = s;
+            best = turned;
+        }
+    }
+    for (int k = 0; k < count; ++k)
+        if ((((1 << count) - 1) ^ best) >> k & 1)
+            w->sign[rows[k]] = -w->sign[rows[k]];
+    lag_contact_solve(w, tolerance);
+}
+
+int lag_share_contacts(
+    const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack, int *tight)
+{
+    const int n = problem->n;
+    lag_contact_work work, *w = &work;
+    const double *price;
+    double tolerance;
+    int count;
+    lag_contact_prepare(w, problem, memory);
+    memcpy(w->mode, mode, (size_t)n * sizeof *mode);
+    for (int i = 0; i < n; ++i)
+        w->sign[i] = force[i] < 0.0 ? -1 : 1;
+    choose_signs(w, &tolerance);
+    if (!w->freedom)
+        return 0;
+    for (int i = 0; i < n; ++i) {
+        force[i] = w->force[i];
+        slack[i] = INFINITY;
+        tight[i] = 0;
+    }
+    const double large = largest_force(w), s = margin_of_signs(w, large, &price, &count);
+    if (!count || large == 0.0)
+        return 1;
     for (int i = 0; i < count; ++i) {
         const int row = w->owner[i];
         slack[row] = s;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from core_parts import share_contacts
@@ -61,6 +63,17 @@ def common_slack(problem: ContactProblem, force: Array, given: Array) -> tuple[f
     return -float(found.fun), np.unique(owners[some])
 
 
+def slacks_of_signs(problem: ContactProblem, force: Array, tolerance: float) -> list[float]:
+    """Return the slacks with all signs of bilateral forces that these have but for a tolerance."""
+    free = np.flatnonzero(problem.laws == FREE)
+    signed, slacks = np.ones_like(force), []
+    for signs in itertools.product((-1.0, 1.0), repeat=len(free)):
+        signed[free] = signs
+        if (force[free] * signs >= -tolerance).all():
+            slacks.append(common_slack(problem, force, signed)[0])
+    return slacks
+
+
 def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
     """Return contacts and guides with friction, some of which depend on others, and forces."""
     contacts = int(rng.integers(2, 6))
@@ -103,9 +116,12 @@ def test_random_shares(seed: int) -> None:
     np.testing.assert_allclose(force, least, atol=1e-6 * size)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(30))
 def test_random_forces_beyond_what_some_shares_bear(seed: int) -> None:
-    """Twice as much friction: the slack beside SciPy's, and where it is negative the least norm."""
+    """Three times as much friction: the slack beside SciPy's, and if it is negative the least norm.
+
+    Where no share with the given signs of bilateral forces obeys the laws, others do, or the best.
+    """
     problem, given = random_shares(np.random.default_rng(seed))
     given = given * np.where(problem.laws == LIMITED, 3.0, 1.0)
     problem = problem._replace(offset=-problem.matrix @ given)
@@ -116,6 +132,13 @@ def test_random_forces_beyond_what_some_shares_bear(seed: int) -> None:
         return
     size = np.abs(given).max()
     expected, owners = common_slack(problem, force, given)
+    if expected < -1e-9 * size:
+        expected = max(slacks_of_signs(problem, force, np.inf))
+    if expected >= -1e-9 * size:
+        rows, constants, _ = laws_of(problem, force)
+        assert (rows @ force + constants >= -1e-9 * size).all()
+        slacks = slacks_of_signs(problem, force, 1e-9 * size)
+        expected = min(slacks, key=lambda x: abs(x - slack[owners[0]]))
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(slack)), owners)
     np.testing.assert_allclose(slack[owners], expected, atol=1e-9 * size)
     assert tight.any() == (expected < (1 - 1e-9) * np.abs(force).max())
