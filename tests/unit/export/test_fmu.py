@@ -118,6 +118,30 @@ def test_the_initial_state_follows_what_is_set_before_it_begins(tmp_path: Path) 
     instance.free()
 
 
+#: A shaker that moves a table, with springs on one side of x and of y: branches beside a table.
+SHAKER = """
+coordinates: [x, y]
+parameters: {k: 3, l: 0.2}
+inputs: {u: {times: [0, 0.5, 1, 1.5], values: [-0.5, 0.3, 0.2, 0.9], interpolation: cubic}}
+T: (x'^2 + y'^2)/2
+V: k/2*max(y, 0)^2 + k/2*max(0.1 - x, 0)^2
+constraints: {cam: x = u + l*sin(y)}
+initial: {x: {guess: 0}, y: 0.3, x': {guess: 0}, y': 1}
+simulation: {t_end: 1.5, samples: 16}
+"""
+
+
+def test_the_initial_state_of_a_model_with_a_table_and_branches(tmp_path: Path) -> None:
+    """What is fixed remains so, and x follows the table: x = u(0) + l sin y."""
+    instance = unpacked(lagcli.load_text(SHAKER), tmp_path).instance()
+    run = lagcli.simulate(lagcli.load_text(SHAKER, set={"k": 2, "l": 0.25}))
+    values = instance.simulate(run.time, ["x", "y", "x_dot", "y_dot"], {"k": 2.0, "l": 0.25})
+    x, y, _, rate = values[0]
+    assert (x, y, rate) == (pytest.approx(0.25 * np.sin(0.3) - 0.5, rel=1e-14), 0.3, 1.0)
+    np.testing.assert_allclose(values, np.hstack([run.q, run.v]), rtol=0, atol=1e-7)
+    instance.free()
+
+
 @pytest.mark.parametrize(
     ("start", "message"),
     [

@@ -670,6 +670,16 @@ static int turn_with_positions(const lag_start_search *s, double *y)
     return LAG_START_FOUND;
 }
 
+/* Give the constraints that hold at the start their parameters: the model's without its branches, which precede the
+ * pieces of functions. */
+static void take_parameters(lag_start_search *s)
+{
+    const int np = s->equations.np, branches = s->model->equations.np - np;
+    const int first = branches && s->model->rules.first_branch < np ? s->model->rules.first_branch : np;
+    memcpy(s->constraint.parameters + first, s->p + first + branches, (size_t)(np - first) * sizeof(double));
+    lag_tape_set(&s->constraint, first, s->p);
+}
+
 int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y, double *lengths,
                    double *plain_lengths)
 {
@@ -678,7 +688,7 @@ int lag_start_find(lag_start_search *s, double t, const double *p, const int *fi
     s->p = p;
     s->renewed = 0;
     memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes);
-    lag_tape_set(&s->constraint, s->equations.np, p);
+    take_parameters(s);
     lag_tape_set(&s->lasting, e->np, p);
     int status = find_positions(s, t, fixed, y);
     if (status == LAG_START_FOUND)
