@@ -113,6 +113,24 @@ initial: {{e: 1, e': {fixed}, r: 0, r': [0, 0, g/w]}}
     np.testing.assert_allclose(found.dq[:, :, 0].T, [expected[q] for q in names], atol=1e-9)
 
 
+def test_an_angular_velocity_that_a_constraint_completes_turns_with_the_body() -> None:
+    """e' = G(e) ω/2 with ω = (0.5, 2, −1), of which ω_y is not given, and e = rot_x(a)."""
+    model = lagcli.load_text("""
+coordinates: {e: quaternion}
+parameters: {a: 0.8, b: 0.5, w: 2}
+T: dot(omega(e), diag(1, 2, 3)*omega(e))/2
+constraints: {drive: omega(e).y = w}
+initial: {e: rot_x(a), e': [b, {guess: 0}, -1]}
+""")
+    found = lagcli.simulate(model, t_end=0.1, samples=2, sensitivity=("a", "b", "w"))
+    c, s = np.cos(0.4), np.sin(0.4)
+    # 2 e' = (−s ω_x, c ω_x, c ω_y − s ω_z, c ω_z + s ω_y)
+    by_a = np.array([-c * 0.5, -s * 0.5, -s * 2 - c * (-1), -s * (-1) + c * 2]) / 4
+    expected = np.array([by_a, [-s / 2, c / 2, 0, 0], [0, 0, c / 2, s / 2]]).T
+    assert found.dv is not None
+    np.testing.assert_allclose(found.dv[0], expected, atol=1e-12)
+
+
 def test_the_force_of_a_rope_in_closed_form() -> None:
     """Atwood's machine: λ is the rope's force, of magnitude 2 m₁ m₂ g/(m₁ + m₂)."""
     model = lagcli.load_text("""

@@ -149,7 +149,7 @@ def start_derivatives(
         for k in range(n):
             turn = spin_derivative(e, rates, given.q[k, parts], given.v[k, parts])
             turn = rates_of_spin(q[parts]) @ turn
-            u[k, parts] = turn + rates_of_spin(s[k, parts]) @ spin_of(e, rates)
+            u[k, parts] = turn + rates_of_spin(s[k, parts]) @ spin_of(q[parts], v[parts])
     correct(held, u, residuals()[1], free_directions(spins, fixed_v, q))
     _, velocity, _, scale = residuals()
     # the change of the rates by one of the configuration
