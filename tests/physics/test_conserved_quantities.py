@@ -184,3 +184,28 @@ def test_proofs_add_up_at_random_points(name: str) -> None:
         for expression in sums:
             at = {s: random.uniform(0.5, 1.5) for s in expression.free_symbols}
             assert abs(float(expression.subs(at))) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("kinetic", "potential", "expected"),
+    [
+        ("", "if(x > 0, 1, 2)*x^2 + abs(x)", {"p_y", "energy"}),
+        ("", "if(t < 0.5, 1, 2)*x^2", {"p_y"}),
+        ("", "k*x^2*step(t - t_1)", {"p_y"}),
+        ("", "floor(3*t)*x + k*y", set()),
+        ("", "if(x > 0, x^2 + 1, x^2)", {"p_y"}),
+        (" + step(x)*y'", "0", {"p_x", "jacobi"}),
+        ("*if(t < 0.5, 1, 2)", "0", set()),
+    ],
+)
+def test_what_jumps_is_not_conserved(kinetic: str, potential: str, expected: set[str]) -> None:
+    """Next to a jump the symmetry holds, so that the derivatives alone show none."""
+    equations, found = derived(f"""
+coordinates: [x, y]
+parameters: {{m: 2, k: 3, t_1: 0.7}}
+T: "m/2*(x'^2 + y'^2){kinetic}"
+V: "{potential}"
+initial: {{x: -0.3, y: 1, x': 1, y': 0.3}}
+""")
+    assert {q.name for q in found.quantities} == expected
+    assert_constant(equations, found, t_end=1)

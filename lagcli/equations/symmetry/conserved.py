@@ -13,6 +13,7 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO
+from lagcli.equations.symmetry.jumps import jumps
 from lagcli.equations.symmetry.linear import (
     THOROUGH,
     Extent,
@@ -113,9 +114,15 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
 def named_quantities(
     equations: Equations, symmetries: Sequence[Symmetry]
 ) -> tuple[ConservedQuantity, ...]:
-    """Return the quantities of symmetries: momenta of cyclic coordinates first, energy last."""
+    """Return the quantities of symmetries: momenta of cyclic coordinates first, energy last.
+
+    Those that jump are not conserved: the conditions of a symmetry hold beside a jump only.
+    """
+    parameters = equations.model.parameter_values
     quantities = [
-        q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)
+        q
+        for q in (_quantity(equations, s) for s in symmetries)
+        if not (is_zero(q.expression) or jumps(q.expression, parameters))
     ]
     quantities.sort(key=lambda q: (q.time != ZERO, q.name == ""))
     numbers = iter(range(1, len(quantities) + 1))
