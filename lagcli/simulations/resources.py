@@ -154,9 +154,10 @@ def derivatives(simulation: Simulation, derived: Tape, rows: Sequence[int] | Non
     model, system = simulation.model, simulation.system
     settable = settable_parameters(model)
     forces = 1 + 3 * len(system.coordinates) + len(system.constraints)
-    directions = _directions_of_modes(simulation) if model.switches or system.has_kinks else None
+    switches = system.switching is not None or system.has_kinks
+    directions = _directions_of_modes(simulation) if switches else None
     if directions is None:
-        if rows is None or model.switches or system.has_kinks:
+        if rows is None or switches:
             return None
         directions = _directions(system, rows)
     start = start_tape(model, settable).selected(range(len(model.parameters)))

@@ -295,3 +295,29 @@ def test_damaged_derivatives_are_refused(name: str, tmp_path: Path) -> None:
         with suppress(FmuError):
             instance.directional(names, states, np.ones(len(states)))
         instance.free()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_model_whose_only_switch_is_a_smooth_force_by_a_multiplier(
+    version: str, tmp_path: Path
+) -> None:
+    """A rail bears m g, and x'' = -mu g x': its rate along x' is -mu g."""
+    model = lagcli.load_text(
+        """
+coordinates: [x, y]
+parameters: {m: 2, mu: 0.1, g: 9.81}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+Q: {x: "-mu*lambda.rail*x'"}
+constraints: {rail: y = 0}
+initial: {x: 0, y: 0, x': 1, y': 0}
+simulation: {t_end: 1}
+"""
+    )
+    instance = unpacked(model, tmp_path, version).instance()
+    instance.begin(0.0)
+    instance.step(0.0, 1.0)
+    assert instance.get("x_dot", "lambda.rail") == pytest.approx([np.exp(-0.981), 19.62], rel=1e-7)
+    found = instance.directional(["x_ddot", "lambda.rail"], ["x_dot"], [1.0])
+    assert found == pytest.approx([-0.981, 0.0], abs=1e-12)
+    instance.free()
