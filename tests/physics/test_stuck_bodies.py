@@ -242,3 +242,46 @@ simulation: {{t_end: 1, samples: 21}}
     assert run.status == "completed"
     assert np.abs(run.v).max() < 1e-15
     assert run.warnings == ()
+
+
+#: Three links of 1 mm from rest, in SI: friction holds the first two together until 1.4 s.
+LINKS = """
+coordinates: [x, y, a, u, w, b, r, s, c]
+inputs:
+  push: {times: [0, 0.7, 1.5], values: [0.2, 1, -0.5], interpolation: step, extend: hold}
+T: 0.00132/2*(x'^2 + y'^2) + 2.15e-10/2*a'^2 + 0.00105/2*(u'^2 + w'^2) + 3.36e-11/2*b'^2
+  + 0.00138/2*(r'^2 + s'^2) + 3.28e-10/2*c'^2
+Q:
+  a: 1.32e-9*push - 3.66e-5*max(abs(lambda.Ox), abs(lambda.Oy))*tanh(a'/0.1) + 3.2e-9
+  b: 6.43e-10
+  c: -1.13e-9
+constraints:
+  Ox: x - 0.000537*sin(a) = 0
+  Oy: y + 0.000537*cos(a) = 0
+  Ax: u - 0.000296*sin(b) = x + 0.000537*sin(a)
+  Ay: w + 0.000296*cos(b) = y - 0.000537*cos(a)
+  Bx: r - 0.000662*sin(c) = u + 0.000296*sin(b)
+  By: s + 0.000662*cos(c) = w - 0.000296*cos(b)
+  rubs:
+    expr: b' - a' = 0
+    limit:
+      static: 2.288e-5*sqrt(lambda.Ax^2 + lambda.Ay^2)
+      kinetic: 1.76e-5*sqrt(lambda.Ax^2 + lambda.Ay^2)
+initial: {x: {guess: 0}, y: {guess: 0}, u: {guess: 0}, w: {guess: 0}, r: {guess: 0},
+  s: {guess: 0}, x': 0, y': 0, u': 0, w': 0, r': 0, s': 0,
+  a: -2.16, a': 0, b: -2.27, b': 0, c: 2.18, c': 0}
+simulation: {t_end: 2, samples: 5}
+"""
+
+
+@pytest.mark.parametrize("rtol", [1e-10, 1e-11, 1e-12])
+def test_tolerances_of_links_that_friction_holds_together(rtol: float) -> None:
+    """Rounding errors that rows pass on are not passed on again: tolerances grew to 1 rad."""
+    model = lagcli.load_text(LINKS)
+    run, rough = (lagcli.simulate(model, rtol=x) for x in (rtol, 1e-8))
+    assert run.tolerances is not None
+    assert max(run.tolerances[name] for name in ("a", "b", "c")) <= 10 * rtol
+    np.testing.assert_allclose(run.q[:, 2::3], rough.q[:, 2::3], rtol=0, atol=1e-6)
+    # the rates at the end: by steps of at most 0.02 s, whatever the tolerances
+    small = lagcli.simulate(model, rtol=rtol, max_step=0.02)
+    np.testing.assert_allclose(run.v[-1, 2::3], small.v[-1, 2::3], rtol=0, atol=1e-6)

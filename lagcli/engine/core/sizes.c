@@ -57,9 +57,9 @@ static const double *terms_of(lag_run *run, double t, const double *y, const dou
     return terms;
 }
 
-/* The same of f_i for coordinate i, or A_i if that is larger; and of the forces of rows, which pass rounding errors on:
- * those of B_k a are those of the a_i that row k changes. An acceleration `a` that is all rounding shows how many there
- * are. */
+/* The same of f_i for coordinate i; and of the forces of rows, which pass rounding errors on: those of B_k a are those of
+ * the a_i that row k changes. A_i, if that is larger: it has what rows have passed on, and is not passed on again. An
+ * acceleration `a` that is all rounding shows how many there are. */
 static const double *balanced_terms(lag_run *run, double t, const double *y, const double *a)
 {
     const lag_switching *sw = &run->switching;
@@ -67,7 +67,7 @@ static const double *balanced_terms(lag_run *run, double t, const double *y, con
     const double *of_kind = terms_of(run, t, y, NULL);
     double *terms = run->tolerances.terms + 2 * run->tolerances.kinds;
     for (int i = 0; i < nq; ++i)
-        terms[i] = fmax(of_kind[run->tolerances.kind[i]], run->tolerances.acceleration_terms[i]);
+        terms[i] = of_kind[run->tolerances.kind[i]];
     for (int k = 0; k < sw->rows; ++k) {
         if (sw->mode[k] != LAG_HOLDS)
             continue;
@@ -81,9 +81,11 @@ static const double *balanced_terms(lag_run *run, double t, const double *y, con
         for (int i = 0; i < nq; ++i)
             terms[i] = fmax(terms[i], fabs(response[i]) * force);
     }
-    for (int i = 0; i < nq; ++i)
+    for (int i = 0; i < nq; ++i) {
+        terms[i] = fmax(terms[i], run->tolerances.acceleration_terms[i]);
         if (fabs(a[i]) < VANISHED * terms[i])
             terms[i] = fmax(terms[i], fabs(a[i]) / DBL_EPSILON);
+    }
     return terms;
 }
 
