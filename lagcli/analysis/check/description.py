@@ -228,7 +228,7 @@ def _integrability(f: Formulas, checked: Check) -> list[Step]:
             "alone": "integrable; no integral was found",
             "together": "integrable with the other constraints: they also restrict the positions",
             "no": "not integrable: it leaves all positions accessible",
-            "not tested": "not tested: too many variables",
+            "not tested": "not tested: too many variables, or coefficients with branches",
         }[x.integrable]
         lines.append(Line((Symbol(name, kind="constraint"),), note=said))
     return [Step("Velocity constraints (Frobenius)", tuple(lines))]

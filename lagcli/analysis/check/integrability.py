@@ -13,14 +13,19 @@ from symengine import Basic
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.integrability import FirstIntegral, first_integral, integrable
+from lagcli.equations.derivation.integrability import (
+    FirstIntegral,
+    first_integral,
+    has_branches,
+    integrable,
+)
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
 
 #: ``alone``: integrable by itself; ``together``: integrable with the other constraints; ``no``: not
-#: integrable; ``not tested``: the form has too many variables.
+#: integrable; ``not tested``: the form has too many variables, or branches.
 Integrability = Literal["alone", "together", "no", "not tested"]
 
 #: Largest number of derivative entries to evaluate.
@@ -82,6 +87,7 @@ def check_integrability(
     if (
         left
         and linear
+        and not any(has_branches(c, equations) for c in equations.constraints if c.position is None)
         and len(equations.constraints) > 1
         and _together(equations, [start, *states])
     ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -12,8 +12,7 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.derivation.motion import ONE, ZERO
-from lagcli.model import model as symbols
-from lagcli.model.expression.algebra import cancel, is_zero
+from lagcli.model.expression.algebra import cancel, is_zero, kinked_in
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
 
@@ -36,7 +35,8 @@ def integrable(c: ConstraintEquation, equations: Equations) -> bool | None:
     Returns
     -------
     bool or None
-        None if the constraint has too many variables for the test.
+        None if the constraint has too many variables for the test, or if it holds beside the ends
+        of branches that may contradict it.
 
     Notes
     -----
@@ -44,16 +44,42 @@ def integrable(c: ConstraintEquation, equations: Equations) -> bool | None:
     itself. Coefficients that do not vanish symbolically are tested at random points, with the
     model's parameter values.
     """
-    form = {equations.q[j]: b for j, b in c.row.items()}
-    if c.drift != 0:
-        form[symbols.TIME] = c.drift
+    form, variables = _form(c, equations), (*equations.q, TIME)
     free = set().union(*(b.free_symbols for b in form.values()))
-    variables = [x for x in (*equations.q, symbols.TIME) if x in free or x in form]
-    if len(variables) > MAX_VARIABLES:
+    present = [x for x in variables if x in free or x in form]
+    if len(present) > MAX_VARIABLES:
         return None
+    # ω∧dω contains the value of a coefficient of dx that depends on x alone, not its derivative
+    alone = [x for x, b in form.items() if kinked_in(b, variables) and not _varies(b, x, present)]
+    form |= {x: se.Symbol(f"\ufdd0{x}") for x in alone}
     values = {se.Symbol(n): se.RealDouble(x) for n, x in equations.model.parameter_values.items()}
-    points = [values | point for point in _points(variables)]
-    return all(_vanishes(list(terms), points) for terms in _coefficients(form, variables))
+    points = [values | point for point in _points([*present, *(form[x] for x in alone)])]
+    if not all(_vanishes(list(terms), points) for terms in _coefficients(form, present)):
+        return False
+    return None if has_branches(c, equations) else True
+
+
+def has_branches(c: ConstraintEquation, equations: Equations) -> bool:
+    """Whether a coefficient of ω has branches and depends on variables besides its own.
+
+    ω∧dω may vanish on one branch and not on others, or at their ends.
+    """
+    variables = (*equations.q, TIME)
+    return any(
+        kinked_in(b, variables) is not None and _varies(b, x, variables)
+        for x, b in _form(c, equations).items()
+    )
+
+
+def _form(c: ConstraintEquation, equations: Equations) -> dict[Basic, Basic]:
+    """Return the coefficients of ω by variable."""
+    form = {equations.q[j]: b for j, b in c.row.items()}
+    return form | {TIME: c.drift} if c.drift != 0 else form
+
+
+def _varies(coefficient: Basic, own: Basic, variables: Sequence[Basic]) -> bool:
+    """Whether a coefficient depends on variables besides its own."""
+    return any(x != own for x in variables if x in coefficient.free_symbols)
 
 
 def _coefficients(form: dict[Basic, Basic], variables: list[Basic]) -> Iterator[list[Basic]]:
@@ -121,9 +147,7 @@ def first_integral(c: ConstraintEquation, equations: Equations) -> FirstIntegral
     FirstIntegral or None
         None if none was found; one may still exist.
     """
-    form = {equations.q[j]: b for j, b in c.row.items()}
-    if c.drift != 0:
-        form[TIME] = c.drift
+    form = _form(c, equations)
     if sum(se.count_ops(b) for b in form.values()) > _LARGEST:
         return None
     variables = (*equations.q, TIME)

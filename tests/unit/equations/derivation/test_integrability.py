@@ -51,6 +51,26 @@ def test_velocities_alone_are_restricted_otherwise(constraint: str) -> None:
     assert found(constraint) is False
 
 
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        "x' = floor(z)*y'",  # leaves all positions accessible, by paths across z = 1
+        "x' = step(t - 0.5)*y'",
+        "x' = if(z > 0, 1, 2)*y'",
+        "x' = max(z - 2, 0)*y'",  # zero on one branch
+        "(1 + step(z))*x' = y'",
+    ],
+)
+def test_branches_of_other_variables_are_not_tested(constraint: str) -> None:
+    assert found(constraint) is None
+
+
+def test_branches_of_their_own_variable_do_not_matter() -> None:
+    assert found("x' = abs(y)*y' + floor(t)") is True
+    assert found("max(x - 2, 0)*x' + z*y' = z'") is False
+    assert found("x' = max(z, 0)*y'") is False
+
+
 def test_too_many_variables_are_not_tested() -> None:
     names = [f"q{i}" for i in range(15)]
     terms = " + ".join(f"{n}'" for n in names)
