@@ -17,8 +17,9 @@ int lag_use_explicit_time(lag_run *run, const lag_program *functions)
     if (lag_bind(run, &run->pool, &r->tape, functions))
         return 1;
     lag_jets_bind(&r->jets, &run->pool, &r->tape, functions, run->np);
-    r->scale = lag_doubles(&run->pool, functions->output_count);
-    r->count = run->pool.failed ? 0 : (int)functions->output_count;
+    const int count = (int)(functions->output_count / 2); /* the rest is where they are used */
+    r->scale = lag_doubles(&run->pool, count);
+    r->count = run->pool.failed ? 0 : count;
     return run->pool.failed;
 }
 
@@ -54,7 +55,9 @@ static double resolved_between(lag_run *run, double a, double b, int singular)
     double h = INFINITY;
     enclose(run, a, b, 2);
     for (int i = 0; i < r->count; ++i) {
-        const lag_interval *jet = lag_jet_output(&r->jets, i);
+        const lag_interval *jet = lag_jet_output(&r->jets, i), used = *lag_jet_output(&r->jets, r->count + i);
+        if (used.low == 0.0 && used.high == 0.0)
+            continue;
         const double bend = lag_interval_size(jet[2]), size = lag_interval_size(jet[0]);
         const double scale = r->scale[i] > 0.0 ? r->scale[i] : isfinite(size) ? size : 0.0;
         if (bend > 0.0 && !(singular && isinf(bend)))

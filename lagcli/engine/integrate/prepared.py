@@ -267,24 +267,27 @@ def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
     Returns
     -------
     Tape or None
-        (t, q, v, parameters) → their results; None if there are none.
+        (t, q, v, parameters) → their results, then for each whether the branches in which it is
+        used may be those taken; None if there are none.
     """
     given = [tape for tape in tapes if tape.outputs]
     if not given:
         return None
     parameters = given[0].parameters
     builder = Builder(1 + states + parameters, parameters, functions=given[0].functions)
-    outputs: list[int] = []
+    found: dict[tuple[int, int], None] = {}
     for tape in given:
         first = tape.inputs - tape.rhs_inputs - tape.parameters
         own = [*range(1 + states), *[-1] * (first - 1 - states)]
         own += range(1 + states, 1 + states + parameters)
-        outputs += builder.splice(_nonlinear(tape, states, first), own)
-    return builder.finish(dict.fromkeys(outputs)) if outputs else None
+        outputs = builder.splice(_nonlinear(tape, states, first), own)
+        half = len(outputs) // 2
+        found |= dict.fromkeys(zip(outputs[:half], outputs[half:], strict=True))
+    return builder.finish(x for part in zip(*found, strict=True) for x in part) if found else None
 
 
 def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
-    """Return the tape of the operations; those of branches alone are zero elsewhere."""
+    """Return the tape of the operations, and of whether each is used."""
     timed, unknown, results = {0}, {*range(1 + states, parameters)}, []
     unknown |= {*range(parameters + tape.parameters, tape.inputs)}
     for op, to, a, b, c in tape.code:
@@ -295,17 +298,11 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
             timed.add(to)
             if op in _NONLINEAR and (op != Op.DIV or b in timed):
                 results.append(to)
-    if all(op != Op.SELECT for op, *_ in tape.code):
-        return tape._replace(outputs=tuple(results))
     builder = Builder(tape.inputs, tape.parameters, tape.rhs_inputs, tape.functions)
     place = builder.extend(tape._replace(outputs=tuple(range(tape.registers))))
-    taken, zero = _branches(tape, builder, place, unknown), builder.constant(0.0)
-    return builder.finish(
-        [
-            builder.emit(Op.SELECT, taken[x], place[x], zero) if x in taken else place[x]
-            for x in results
-        ]
-    )
+    always = builder.constant(1.0)
+    taken = _branches(tape, builder, place, unknown)
+    return builder.finish([*(place[x] for x in results), *(taken.get(x, always) for x in results)])
 
 
 def _branches(
