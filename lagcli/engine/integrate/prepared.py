@@ -298,9 +298,14 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
             timed.add(to)
             if op in _NONLINEAR and (op != Op.DIV or b in timed):
                 results.append(to)
+    if not results:
+        return tape._replace(outputs=())
     builder = Builder(tape.inputs, tape.parameters, tape.rhs_inputs, tape.functions)
-    place = builder.extend(tape._replace(outputs=tuple(range(tape.registers))))
     always = builder.constant(1.0)
+    if all(op != Op.SELECT for op, *_ in tape.code):
+        found = builder.splice(tape._replace(outputs=tuple(results)), range(tape.inputs))
+        return builder.finish([*found, *[always] * len(found)])
+    place = builder.extend(tape._replace(outputs=tuple(range(tape.registers))))
     taken = _branches(tape, builder, place, unknown)
     return builder.finish([*(place[x] for x in results), *(taken.get(x, always) for x in results)])
 
