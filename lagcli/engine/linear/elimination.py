@@ -146,8 +146,8 @@ class Elimination(NamedTuple):
         """
         columns = list(self.columns)
         starts = [k for k in range(len(columns)) if not (k and self.paired[k - 1])]
-        ends = [*starts[1:], len(columns)]
-        for k, after, end in zip(starts[-2::-1], ends[-2::-1], ends[:0:-1], strict=True):
+        bounds = [*starts, len(columns)]
+        for k, after, end in reversed([*zip(bounds, bounds[1:], bounds[2:], strict=False)]):
             own, rows = columns[k], (*range(after, end), *columns[after])
             if own and own[0] < end and len(rows) <= _AMALGAMATED * len(own) + 2:
                 columns[k:after] = [rows] * (after - k)

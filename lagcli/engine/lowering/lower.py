@@ -47,23 +47,13 @@ def lower(equations: Equations) -> System:
     mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
     jacobian = [rows[i][j] for i, j in jacobian_pattern]
 
-    positions = [eq.constraints[i].position for i in holonomic]
+    positions = [c.position for c in eq.constraints if c.position is not None]
     switching, conditions = None, None
     if eq.switches:
         from lagcli.engine.lowering.switching import lower_switching
 
         switching, conditions = lower_switching(eq)
-    dynamics, constraint = _tapes(
-        eq,
-        mass,
-        jacobian,
-        [
-            *(c.drift for c in eq.constraints),
-            *(magnitude(x) for x in positions if x is not None),
-            *(magnitude(c.velocity) for c in eq.constraints),
-        ],
-        functions,
-    )
+    dynamics, constraint = _tapes(eq, mass, jacobian, positions, functions)
     return System(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
@@ -87,7 +77,7 @@ def lower(equations: Equations) -> System:
         ),
         variation=partial(lower_jacobians, eq, functions),
         parameter_variation=partial(lower_parameter_jacobians, eq, functions),
-        same_unit=_same_unit([x for x in positions if x is not None], eq.q),
+        same_unit=_same_unit(positions, eq.q),
         functions=functions,
         recursive_form=partial(lower_recursive, eq, functions) if eq.recursive else None,
     )
@@ -105,25 +95,24 @@ def _tapes(
     eq: Equations,
     mass: Sequence[se.Basic],
     jacobian: Sequence[se.Basic],
-    others: Sequence[se.Basic],
+    positions: Sequence[se.Basic],
     functions: InputFunctions,
 ) -> tuple[Tape, Tape]:
-    """Compile M, f, B, γ, and the power of applied forces and of time; and φ, B and others."""
+    """Compile M, f, B, γ, and the power of applied forces and of time; and φ, B, b_0 and scales."""
     from lagcli.equations.derivation.column_expressions import power_free
 
     power = power_free(eq) + eq.time_power
     long, before = long_constraints(eq), [*mass, *eq.forcing, *jacobian]
     right = [se.Integer(0) if i in long else c.rhs for i, c in enumerate(eq.constraints)]
-    positions = [c.position for c in eq.constraints if c.position is not None]
     dynamics = [*before, *right, power, *sources_of(long)]
-    whole = compile_tape([*dynamics, *positions, *others], *_inputs(eq), functions)
-    first, count = len(before) - len(jacobian), len(dynamics)
-    of_constraint = [
-        *range(count, count + len(positions)),
-        *range(first, len(before)),
-        *range(count + len(positions), len(whole.outputs)),
-    ]
-    constraint, tape = whole.selected(of_constraint), whole.selected(range(count))
+    drifts = [c.drift for c in eq.constraints]
+    scales = [*map(magnitude, positions), *(magnitude(c.velocity) for c in eq.constraints)]
+    whole = compile_tape([*dynamics, *positions, *drifts, *scales], *_inputs(eq), functions)
+    tape = whole.selected(range(len(dynamics)))
+    every = range(len(whole.outputs))
+    of_positions = every[len(dynamics) :][: len(positions)]
+    of_jacobian = every[len(before) - len(jacobian) : len(before)]
+    constraint = whole.selected([*of_positions, *of_jacobian, *every[of_positions.stop :]])
     if not long:
         return tape, constraint
     from lagcli.engine.tape.differentiation import DerivativeBuilder

@@ -226,11 +226,14 @@ static double mobility_alone(const lag_run *run, int k)
 {
     const lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
+    const double *sizes = run->rows.sizes;
     double sum = 0.0;
-    if (k >= sw->rows)
-        return run->rows.sizes[sw->force_coordinate[k - sw->rows]] * run->rows.sizes[sw->force_coordinate[k - sw->rows]];
+    if (k >= sw->rows) {
+        const double size = sizes[sw->force_coordinate[k - sw->rows]];
+        return size * size;
+    }
     for (int j = 0; j < nq; ++j) {
-        const double part = sw->jacobian[k * nq + j] * run->rows.sizes[j];
+        const double part = sw->jacobian[k * nq + j] * sizes[j];
         sum += part * part;
     }
     return sum;
