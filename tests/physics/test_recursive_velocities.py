@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from trees import pendulum, random_tree
+from trees import ROPE, pendulum, random_tree, rope
 
 import lagcli
 from lagcli.engine.integrate import prepared
@@ -27,6 +27,7 @@ def always(monkeypatch):
     monkeypatch.setattr(lagrange, "LEAST_RECURSIVE", 1)
     monkeypatch.setattr(single_runs, "may_unroll", lambda elimination: False)
     monkeypatch.setattr(prepared, "SHORT", 0)
+    monkeypatch.setattr(prepared, "SHORTER", np.inf)
     monkeypatch.setattr(prepared.Prepared, "worth_unrolling", False)
     monkeypatch.setattr(Prices, "steps_to_unroll", 3)
 
@@ -140,7 +141,93 @@ def test_a_wrong_form_is_noticed_and_left(always, monkeypatch):
     np.testing.assert_allclose(run.q, right.q, rtol=0, atol=1e-9)
 
 
-def test_few_velocities_and_constraints_have_no_recursive_form():
+@pytest.mark.parametrize("n", [4, 12])
+def test_motion_of_a_rope_between_two_points(n, always, monkeypatch):
+    used = in_use(monkeypatch)
+    run = lagcli.simulate(lagcli.load_text(ROPE, set={"N": n}), rtol=1e-11, atol=1e-12)
+    assert used[-1].recursive
+    expected = solve_ivp(
+        lambda t, y: np.concatenate([y[n:], rope(y[:n], y[n:])[0]]),
+        (0.0, 0.5),
+        np.concatenate([run.q[0], np.zeros(n)]),
+        "DOP853",
+        run.time,
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    np.testing.assert_allclose(run.q, expected.y[:n].T, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.v, expected.y[n:].T, rtol=0, atol=1e-6)
+    multipliers = [rope(y[:n], y[n:])[1] for y in expected.y.T]
+    np.testing.assert_allclose(run.multipliers, multipliers, rtol=0, atol=1e-5)
+
+
+def test_a_tractor_with_trailers(always, monkeypatch):
+    """Each wheel's condition acts on all angles before it; all axles move on circles."""
+    used = in_use(monkeypatch)
+    n, d = 9, 0.3
+    # on circles around one centre: each axle at the foot of a tangent from the one before
+    radii = np.sqrt(4.0 - d**2 * np.arange(n + 1))
+    turns = np.concatenate([[0.0], -np.cumsum(np.arctan2(d, radii[1:]))])
+    headings = turns + np.pi / 2
+    text = f"""
+    coordinates: [x, y, q[0..{n}]]
+    definitions:
+      X[0]: x
+      Y[0]: y
+      X[i = 1..{n}]: X[i-1] - {d}*cos(q[i])
+      Y[i = 1..{n}]: Y[i-1] - {d}*sin(q[i])
+    T: sum(1/2*(X[i]'^2 + Y[i]'^2) + 0.05*q[i]'^2, i = 0..{n})
+    V: 0
+    constraints:
+      roll[i = 0..{n}]: -sin(q[i])*X[i]' + cos(q[i])*Y[i]' = 0
+    initial:
+      x: {radii[0]}
+      y: 0
+      q[0]: {headings[0]}
+      {{}}
+      x': 0
+      y': 1
+      q[0]': {1 / radii[0]}
+      q[1..{n}]': {{{{guess: 0}}}}
+    simulation: {{{{t_end: 6, samples: 13}}}}
+    """.format("\n      ".join(f"q[{i}]: {headings[i]}" for i in range(1, n + 1)))
+    run = lagcli.simulate(lagcli.load_text(text), rtol=1e-10)
+    assert used[-1].recursive
+    angle = run.time / radii[0]
+    np.testing.assert_allclose(run.q[:, 0], radii[0] * np.cos(angle), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.q[:, 1], radii[0] * np.sin(angle), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.q[:, 2:], headings + angle[:, None], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motions_of_random_trees_with_constraints(seed, monkeypatch, request):
+    random = np.random.default_rng(200 + seed)
+    tree = random_tree(random, 14)
+    end = tree.splitlines()[-1]
+    rows = "constraints:\n" + "\n".join(
+        f"  c[{i}]: -sin(q[{i}])*X[{i}]' + cos(q[{i}])*Y[{i}]' = 0.2*sin(t)*q[1]'"
+        for i in range(3, 12)
+    )
+    start = "initial: {q[1..14]: 0.1, q[1..14]': {guess: 0.2}}"
+    model = lagcli.load_text(tree[: tree.index("initial:")] + f"{rows}\n{start}\n{end}")
+    expected = lagcli.simulate(model, rtol=1e-11, atol=1e-12)
+    request.getfixturevalue("always")
+    used = in_use(monkeypatch)
+    run = lagcli.simulate(model, rtol=1e-11, atol=1e-12)
+    assert used[-1].recursive
+    np.testing.assert_allclose(run.q, expected.q, rtol=0, atol=1e-9)
+    scale = abs(expected.multipliers).max()
+    np.testing.assert_allclose(run.multipliers, expected.multipliers, rtol=0, atol=1e-8 * scale)
+
+
+def test_redundant_constraints_have_no_recursive_form(always, monkeypatch):
+    used = in_use(monkeypatch)
+    text = ROPE.replace("constraints:", "constraints:\n  again: 2*X[N] = 2*D")
+    lagcli.simulate(lagcli.load_text(text), t_end=0.1)
+    assert not any(made.recursive for made in used)
+
+
+def test_few_velocities_have_no_recursive_form():
     small = lagrange.derive(lagcli.load(PENDULUM, set={"N": lagrange.LEAST_RECURSIVE - 1}))
     assert small.recursive is None
     chain = lagrange.derive(lagcli.load(ROOT / "models" / "chain.yaml", set={"N": 40}))

@@ -1,4 +1,4 @@
-"""Models of links in trees, whose velocities are defined one after the other."""
+"""Models of links in trees and ropes, whose velocities are defined one after the other."""
 
 from __future__ import annotations
 
@@ -38,6 +38,65 @@ def random_tree(random: np.random.Generator, n: int) -> str:
             "simulation: {t_end: 0.3, samples: 4}",
         ]
     )
+
+
+def random_constraints(random: np.random.Generator, n: int, count: int) -> str:
+    """Return constraints of a tree of n links, of all kinds, each of another link."""
+    lines = ["constraints:"]
+    for k, i in enumerate(1 + random.permutation(n)[:count]):
+        j = random.integers(1, n + 1)
+        a, b = random.uniform(-1, 1, size=2).round(3)
+        equations = [
+            f"X[{i}] = {a} + 0.1*sin(t)",
+            f"2*Y[{i}] - Y[{j}]/3 = {b}*q[1]",
+            f"(X[{i}] - X[0])^2 + (Y[{i}] - q[1])^2 = 1",
+            f"-sin(q[{i}])*X[{i}]' + cos(q[{i}])*Y[{i}]' = 0",
+            f"X[{i}]' + 0.3*q[{i}]' = {a}*t",
+            f"X[{i}]*cos(q[{j}]) + Y[{i}]*sin(q[{j}]) = {b}",
+            f"sqrt(X[{i}]^2 + Y[{i}]^2) = {abs(a)} + 0.5",
+            f"(1 + q[1]^2)*X[{i}]' - t*Y[{j}]' + q[{j}]'*{a} = q[1]",
+            f"X[{i}]'*Y[{i}]' = 0.3",
+        ]
+        lines.append(f"  c[{k}]: {equations[random.integers(len(equations))]}")
+    return "\n".join(lines)
+
+
+#: A rope of N links of mass m r^i, in angles from the horizontal, between two fixed points.
+ROPE = """
+coordinates: [q[1..N]]
+parameters: {N: 12, L: 1 m, m: 1 kg, r: 1, g: 9.81 m/s^2, D: 0.6 m}
+definitions:
+  X[0]: 0
+  Y[0]: 0
+  X[i = 1..N]: X[i-1] + L/N*cos(q[i])
+  Y[i = 1..N]: Y[i-1] + L/N*sin(q[i])
+T: sum(m*r^i/N/2*(X[i]'^2 + Y[i]'^2), i = 1..N)
+V: sum(m*r^i/N*g*Y[i], i = 1..N)
+constraints:
+  end_x: X[N] = D
+  end_y: Y[N] = 0
+initial:
+  q[i = 1..N]: {guess: "-1 + 2*(i - 0.5)/N"}
+  q[1..N]': 0 rad/s
+simulation: {t_end: 0.5, samples: 11}
+"""
+
+
+def rope(angles: Array, rates: Array, g: float = 9.81) -> tuple[Array, Array]:
+    """Return the accelerations and the multipliers of `ROPE` with r = 1, written by hand."""
+    n = len(angles)
+    part = 1.0 / n
+    outer = part * np.minimum.outer(np.arange(n, 0, -1), np.arange(n, 0, -1))
+    apart = np.subtract.outer(angles, angles)
+    matrix = np.zeros((n + 2, n + 2))
+    matrix[:n, :n] = outer * part**2 * np.cos(apart)
+    rows = part * np.array([-np.sin(angles), np.cos(angles)])
+    matrix[:n, n:], matrix[n:, :n] = -rows.T, rows
+    forces = -(outer * part**2 * np.sin(apart)) @ rates**2
+    forces -= np.diag(outer) * part * g * np.cos(angles)
+    turning = part * np.array([np.cos(angles), np.sin(angles)]) @ rates**2
+    solution = np.linalg.solve(matrix, np.concatenate([forces, turning]))
+    return solution[:n], solution[n:]
 
 
 def pendulum(theta: Array, rate: Array, n: int, g: float = 9.81) -> Array:

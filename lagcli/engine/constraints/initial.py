@@ -30,6 +30,9 @@ Level = Literal["position", "velocity"]
 ACCEPTED = 1e-10
 REACHED = 1e-15  # of the constraint's scale: end of the iteration
 _ITERATIONS = 200
+#: Number of steps of least M-weighted length after which plain steps are taken: where a light part
+#: could close a gap, they move it far.
+_WEIGHTED = 30
 #: Part of a row of B below which free velocities do not satisfy it: a double root of φ is known to
 #: about 1e-8 only.
 _HARDLY = 1e-6
@@ -286,16 +289,21 @@ class ConsistentSearch:
 
     def residual(self, q: Array, v: Array) -> tuple[Array, Array, Array | SparseRows]:
         """Return φ, its scale and its Jacobian."""
-        c = self.evaluator.constraint_rows(self.t, q, v)
-        jacobian = c.jacobian[self.holonomic]
-        position = c.position[self.places]
-        if not (np.isfinite(position).all() and np.isfinite(entries_of(jacobian)).all()):
-            raise UndefinedStart(self.evaluator.state(self.t, q, v))
+        c = self.constraints(q, v)
+        jacobian, position = c.jacobian[self.holonomic], c.position[self.places]
         inertia = self.evaluator.inertia(self.t, q, v)
         scale = np.maximum(c.position_scale[self.places], least_scales(inertia, jacobian, q))
         if self.of_guess is None:
             self.of_guess = OF_GUESS * scale
         return position, usable(np.maximum(scale, self.of_guess)), jacobian
+
+    def constraints(self, q: Array, v: Array) -> Constraints[Array | SparseRows]:
+        """Return the constraints; raises `UndefinedStart` where φ or its Jacobian is undefined."""
+        c = self.evaluator.constraint_rows(self.t, q, v)
+        entries = entries_of(c.jacobian[self.holonomic])
+        if not (np.isfinite(c.position[self.places]).all() and np.isfinite(entries).all()):
+            raise UndefinedStart(self.evaluator.state(self.t, q, v))
+        return c
 
     def positions(self, q: Array, v: Array) -> Array:
         """Return q on φ = 0; may raise `NoConsistentState`."""
@@ -304,7 +312,10 @@ class ConsistentSearch:
         for aside in (0.0, *_ASIDE):
             # at a singular guess (a rod of length 0) the constraints give no direction; a
             # displacement shows whether they do nearby
-            solution = self.descend(self.aside(q, v, aside) if aside else q, v)
+            guess = self.aside(q, v, aside) if aside else q
+            solution, slow = self.descend(guess, v, _WEIGHTED)
+            if slow:
+                solution, _ = self.descend(guess, v, _ITERATIONS, weighted=False)
             phi, scale, _ = self.residual(solution, v)
             if np.abs(phi / scale).max() <= ACCEPTED:
                 return solution
@@ -359,28 +370,40 @@ class ConsistentSearch:
             size = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
         return np.asarray(size * sizes)
 
-    def descend(self, q: Array, v: Array) -> Array:
-        """Return the result of damped Gauss–Newton steps of least M-weighted length."""
+    def descend(self, q: Array, v: Array, most: int, weighted: bool = True) -> tuple[Array, bool]:
+        """Return the result of damped Gauss–Newton steps of least length, and whether there are
+        more of them.
+
+        Parameters
+        ----------
+        q, v : (nq,) arrays
+            Guess.
+        most : int
+            Number of steps.
+        weighted : bool
+            Whether M weights the length, or the sizes of the coordinates do.
+        """
         free = np.flatnonzero(~self.fixed_q)
         phi, scale, jacobian = self.residual(q, v)
-        for _ in range(_ITERATIONS):
+        for _ in range(most):
             if np.abs(phi / scale).max() <= REACHED or not len(free):
-                break
+                return q, False
             part = np.asarray(jacobian)[:, free]
             size = self.size(q, v)
             # near a singular point of the free Jacobian a full step would be too long: reduce its
             # rank
             rank = dense.count_rank(part, 1e-6, sizes=size[free])
-            step = dense.least_change(part, phi, self.weight(q, v, free), rank, sizes=size[free])
+            weight = self.weight(q, v, free) if weighted else None
+            step = dense.least_change(part, phi, weight, rank, sizes=size[free])
             # a step longer than the model's size indicates a bad direction
             length = np.abs(step / size[free]).max()
             step *= min(1.0, LONGEST / length) if length else 1.0
             trial = self.search(q, v, free, step, phi, scale)
             if trial is None:
-                break
+                return q, False
             q = trial
             phi, scale, jacobian = self.residual(q, v)
-        return q
+        return q, True
 
     def search(
         self, q: Array, v: Array, free: Indices, step: Array, phi: Array, scale: Array
@@ -391,10 +414,10 @@ class ConsistentSearch:
             trial = q.copy()
             trial[free] += step * 0.5**halving
             try:
-                after = np.linalg.norm(self.residual(trial, v)[0] / scale)
+                phi = self.constraints(trial, v).position[self.places]
             except UndefinedStart:
                 continue
-            if after < before:
+            if np.linalg.norm(phi / scale) < before:
                 return trial
         return None
 

@@ -38,6 +38,8 @@ from lagcli.named_tuples import NamedTuple
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
 SHORT = 1000
+#: Part of the updates of M's elimination which that of the recursive form may have.
+SHORTER = 0.5
 #: Average size of families, and number of operations, from which right sides of derivatives are
 #: vectorized.
 _MEMBERS, _LONG_OF_MEMBERS = 8, 500
@@ -130,8 +132,8 @@ def unrolled(system: System, prepared: Prepared) -> Prepared:
 
 
 def recursive(system: System, prepared: Prepared) -> Prepared | None:
-    """Return the preparation for a long run by the System's recursive form; None without a short
-    elimination.
+    """Return the preparation for a long run by the System's recursive form; None if its elimination
+    is not shorter.
 
     Parameters
     ----------
@@ -142,9 +144,9 @@ def recursive(system: System, prepared: Prepared) -> Prepared | None:
     """
     from lagcli.engine.linear.recursion import recursive_order, unroll_recursive
 
-    assert system.recursive is not None
-    order = recursive_order(system.recursive)
-    if not may_unroll(order):
+    assert prepared.elimination is not None
+    order = recursive_order(system)
+    if not may_unroll(order) or order.updates > SHORTER * prepared.elimination.updates:
         return None
     right = [without_numbers(name) + "''" for name in system.coordinates]
     whole = assemble(unroll_recursive(system, order), [*system.families, *right])

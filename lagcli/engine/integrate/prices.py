@@ -35,8 +35,9 @@ _UNKNOWN_DENSE, _PRODUCT_DENSE = 100.0, 0.5
 _UPDATE_UNROLLED, _UNROLLED = 0.75, 2
 #: Unrolling it and making the program: each operation of the dynamics, entry of L and update.
 _TO_UNROLL, _TO_UNROLL_ENTRY, _TO_UNROLL_UPDATE = 2.5e3, 50e3, 3e3
-#: The recursive form, for each coordinate: an evaluation, and making its program.
-_RECURSIVE, _FOR_RECURSIVE = 60.0, 0.7e6
+#: The recursive form: an evaluation, for each coordinate and each constraint, and making its
+#: program.
+_RECURSIVE, _RECURSIVE_ROW, _FOR_RECURSIVE, _FOR_RECURSIVE_ROW = 60.0, 240.0, 0.7e6, 3e6
 #: One order of the series: each product of series, number of the state. Sums cost little beside.
 _PRODUCT, _NUMBER = 3.0, 9.0
 #: Part of that which the series of families take, which are computed side by side: from an average
@@ -103,7 +104,8 @@ class Prices:
     def evaluation_unrolled(self) -> float:
         """The same once the elimination, or that of the recursive form, is unrolled, if it may."""
         if self._recurs:
-            return min(self.evaluation, _RECURSIVE * len(self.system.coordinates))
+            counts = self.system.counts
+            return min(self.evaluation, _RECURSIVE * counts.nq + _RECURSIVE_ROW * counts.nc)
         elimination = self.prepared.elimination
         if self.prepared.unrolled or not may_unroll(elimination):
             return self.evaluation
@@ -133,7 +135,8 @@ class Prices:
     def unrolling(self) -> float:
         """The program of the unrolled elimination, or of that of the recursive form."""
         if self._recurs:
-            return _FOR_RECURSIVE * len(self.system.coordinates)
+            counts = self.system.counts
+            return _FOR_RECURSIVE * counts.nq + _FOR_RECURSIVE_ROW * counts.nc
         elimination = self.prepared.elimination
         if self.prepared.unrolled or elimination is None:
             return 0.0

@@ -101,7 +101,8 @@ class Integration:
         self.last_near = -1
         self.series = self.settings.method == "Taylor"
         self.states: list[State] = [request.state]
-        self.may_recur = system.recursive_form is not None and not for_batch
+        recursive = system.recursive_form is not None and not self.redundant
+        self.may_recur = recursive and not for_batch
         self._priced: Prices | None = None
         prepared = self.prepared()
         self.core = self.integrator(prepared.constraint, self.problem())

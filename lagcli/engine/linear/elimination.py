@@ -774,6 +774,24 @@ class Unrolling(Arithmetic):
         self.isomorphic.append([y for y in unknowns if y != self.zero])
         return [*a, *unknowns]
 
+    def rates(
+        self, system: System, count: int, entries: Iterable[tuple[tuple[int, int], int]]
+    ) -> list[int]:
+        """Emit B v, of entries by row and column."""
+        v = system.sample_layout.v.start
+        rates = [self.zero] * count
+        for (i, j), x in entries:
+            rates[i] = self.plus(rates[i], self.times(x, v + j))
+        return rates
+
+    def power(self, others: int, multipliers: Sequence[int], rates: Sequence[int]) -> int:
+        """Emit the power of all forces: of others, and of constraints with rates B v."""
+        terms = [self.times(x, y) for x, y in zip(multipliers, rates, strict=True)]
+        while len(terms) > 1:  # pairwise, which can be vectorized
+            pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
+            terms = [self.plus(a, b) for a, b in pairs]
+        return self.plus(others, *(terms or [self.zero]))
+
 
 class _Solved(Unrolling):
     """Emits the dynamics with an elimination, for `unroll`."""
@@ -784,10 +802,7 @@ class _Solved(Unrolling):
         self.tangent = system.tangent
         given, jacobian = system.dynamics.inputs, system.motion.jacobian_pattern
         entries = self.outputs[system.dynamics_layout.jacobian]
-        v = system.sample_layout.v.start
-        self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
-        for (i, j), x in zip(jacobian, entries, strict=self.blocks == 1):
-            self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
+        self.speeds = self.rates(system, nc, zip(jacobian, entries, strict=self.blocks == 1))
         self.other_right = [given + unknown for unknown in elimination.order]
         # for a right side that is zero except for the constraints
         self.other_rhs = [
@@ -805,7 +820,8 @@ class _Solved(Unrolling):
             *multipliers,
             *(x for column in further for x in column[self.nq :]),
         ]
-        main = [*self.outputs, *whole, self.power(multipliers)]
+        power = self.power(self.outputs[-1], multipliers, self.speeds)
+        main = [*self.outputs, *whole, power]
         rhs_inputs, moved = (
             self.solution(self.other_right),
             self.solution(self.other_rhs)[: self.nq],
@@ -830,11 +846,3 @@ class _Solved(Unrolling):
             self.solution([sides[k * size + unknown] for unknown in self.plan.order])
             for k in range(self.blocks - 1)
         ]
-
-    def power(self, multipliers: Sequence[int]) -> int:
-        """Return the power of all forces, including those of the constraints."""
-        terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
-        while len(terms) > 1:  # pairwise, which can be vectorized
-            pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
-            terms = [self.plus(a, b) for a, b in pairs]
-        return self.plus(self.outputs[-1], *(terms or [self.zero]))

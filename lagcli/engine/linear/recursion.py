@@ -9,6 +9,11 @@ with its equation as a pivot of order two, [[c, 1], [1, 0]], and a coordinate on
 it changes is left. Thus each velocity adds its inertia to that of the velocity before it, as in
 Featherstone's articulated-body algorithm: inertias stay positive, and nothing cancels.
 
+A multiplier waits until the coordinates that its constraint acts on are eliminated, and then, until
+more multipliers wait than close a loop in space. The oldest one is eliminated first. The matrix of
+those that wait is −G M⁻¹ Gᵀ of the coordinates eliminated so far, which is definite as soon as
+these can move in all directions of the constraints.
+
 References
 ----------
 R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, chapter 7.
@@ -16,33 +21,41 @@ R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, chapter 7.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lagcli.engine.linear.elimination import Elimination, Unrolling
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Tape
 
+#: Multipliers that wait, at most: those that close a loop in space.
+_WAITING = 6
+
 
 def recursive_order(system: System) -> Elimination:
-    """Return the order of elimination of a recursive form.
+    """Return the order of elimination of a System's recursive form.
 
     Parameters
     ----------
     system : System
-        `System.recursive` of another one.
+        With a recursive form.
     """
-    count, velocities = len(system.coordinates), len(system.constraints)
-    nq = count - velocities
-    beside: list[set[int]] = [set() for _ in range(count + velocities)]
-    for i, j in system.mass_pattern:
+    form, nq = system.recursive, len(system.coordinates)
+    assert form is not None
+    count = len(form.coordinates)
+    velocities = count - nq
+    beside: list[set[int]] = [set() for _ in range(count + len(form.constraints))]
+    for i, j in form.mass_pattern:
         beside[i].add(j)
     changed: list[set[int]] = [set() for _ in range(nq)]  # the velocities that change with each
-    for k, j in system.jacobian_pattern:
+    for k, j in form.jacobian_pattern:
         beside[count + k].add(j)
         beside[j].add(count + k)
-        if j < nq:
+        if j < nq and k < velocities:
             changed[j].add(k)
     order: list[int] = []
     paired: list[bool] = []
     columns: list[set[int]] = []
+    waiting: list[int] = []  # multipliers
 
     def eliminate(*pivots: int) -> None:
         below = set.union(*(beside[u] for u in pivots)).difference(pivots)
@@ -54,15 +67,24 @@ def recursive_order(system: System) -> Elimination:
             paired.append(n < len(pivots))
             columns.append(below)
 
+    def eliminate_coordinate(j: int) -> None:
+        touched = (u for u in sorted(beside[j]) if u >= count + velocities)
+        waiting.extend(u for u in touched if u not in waiting)
+        eliminate(j)
+        while len(waiting) > _WAITING:
+            eliminate(waiting.pop(0))
+
     for k in reversed(range(velocities)):
         eliminate(nq + k, count + k)
         for j in sorted(beside[nq + k] | beside[count + k]):
             if j < nq and changed[j]:
                 changed[j].discard(k)
                 if not changed[j]:
-                    eliminate(j)
+                    eliminate_coordinate(j)
     for j in sorted({*range(nq)}.difference(order)):
-        eliminate(j)
+        eliminate_coordinate(j)
+    for u in waiting:
+        eliminate(u)
     place = {u: n for n, u in enumerate(order)}
     return Elimination(
         tuple(order),
@@ -73,7 +95,7 @@ def recursive_order(system: System) -> Elimination:
 
 
 def unroll_recursive(system: System, elimination: Elimination) -> Tape:
-    """Return the dynamics of a System without constraints, by its recursive form.
+    """Return the dynamics of a System by its recursive form.
 
     Parameters
     ----------
@@ -90,32 +112,74 @@ def unroll_recursive(system: System, elimination: Elimination) -> Tape:
 
 
 class _Recursive(Unrolling):
-    """Emits the solution for a, and that for another right side."""
+    """Emits the solution for a and λ, and those for other right sides."""
 
     def __init__(self, system: System, elimination: Elimination):
         assert system.recursive is not None
-        self.moving = len(system.coordinates)
-        super().__init__(system.recursive, elimination, self.moving)
+        self.moving, self.rows = len(system.coordinates), len(system.constraints)
+        super().__init__(system.recursive, elimination, self.moving + 2 * self.rows)
         self.entries_of_mass = len(system.mass_pattern)
-        power = system.dynamics_layout.power
-        self.power = self.splice(system.dynamics, range(system.dynamics.inputs), [power.start])[0]
+        layout = system.dynamics_layout
+        first = layout.jacobian.start  # B, γ and the power are those of the System
+        kept = range(first, layout.power.stop)
+        self.own = self.splice(system.dynamics, range(system.dynamics.inputs), kept)
+        entries = zip(system.jacobian_pattern, self.own, strict=False)
+        self.speeds = self.rates(system, self.rows, entries)
+        rhs = layout.rhs.start - first
+        self.add_rates(system.recursive, self.own[rhs : rhs + self.rows])
+
+    def add_rates(self, form: System, rhs: Sequence[int]) -> None:
+        """Add γ and the rates of the velocities, without accelerations, to the right side of the
+        constraints."""
+        count, velocities = len(form.coordinates), len(form.coordinates) - self.moving
+        rates = [self.right[self.place[count + k]] for k in range(velocities)]
+        sums = [*[self.zero] * velocities, *rhs]
+        entries = zip(
+            form.jacobian_pattern, self.outputs[form.dynamics_layout.jacobian], strict=True
+        )
+        of_velocities = [(i, j - self.moving, x) for (i, j), x in entries if j >= self.moving]
+        for i, k, x in sorted(of_velocities):
+            if i >= velocities:
+                sums[i] = self.plus(sums[i], self.times(x, rates[k]))
+            elif k != i:
+                rates[i] = self.plus(rates[i], rates[k])
+        for i in range(velocities, len(sums)):
+            self.right[self.place[count + i]] = sums[i]
 
     def tape(self) -> Tape:
         self.factor()
-        given, nothing = self.inputs - self.rhs_inputs, [self.zero] * self.moving
-        other = [given + u if u < self.moving else self.zero for u in self.plan.order]
+        nq, nc = self.moving, self.rows
+        given, nothing = self.inputs - self.rhs_inputs, [self.zero] * nq
+        a, multipliers = self.solved(self.right)
         main = [
             *[self.zero] * self.entries_of_mass,
             *nothing,
-            self.power,
-            *self.solution(self.right)[: self.moving],
-            self.power,
+            *self.own,
+            *a,
+            *multipliers,
+            self.power(self.own[-1], multipliers, self.speeds),
         ]
-        others = self.solution(other)[: self.moving]
-        outputs = [*main, self.determinant(), *others, *nothing]
+        rhs_inputs = self.solved(self.side(range(given, given + nq + nc)))
+        moved, _ = self.solved(self.side([*nothing, *range(given + nq + nc, self.inputs)]))
+        outputs = [*main, self.determinant(), *rhs_inputs[0], *rhs_inputs[1], *moved]
         return self.finish(
             outputs,
-            deferred=(1, self.moving, self.moving),
+            deferred=(1, nq + nc, nq),
             output_subsets=(tuple(range(len(main) + 1, len(outputs))),),
             isomorphic=self.isomorphic,
         )
+
+    def side(self, given: Sequence[int]) -> list[int]:
+        """Return a right side by place: of the coordinates and constraints of the System."""
+        side = [self.zero] * len(self.place)
+        first = self.nq + self.nc - self.rows
+        for u, x in zip(
+            [*range(self.moving), *range(first, first + self.rows)], given, strict=True
+        ):
+            side[self.place[u]] = x
+        return side
+
+    def solved(self, right: Sequence[int]) -> tuple[list[int], list[int]]:
+        """Emit a solution; return a and λ of the System."""
+        x = self.solution(right)
+        return x[: self.moving], x[len(x) - self.rows :]

@@ -126,7 +126,7 @@ def _tapes(
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
-    """Compile the recursive form of equations without constraints to a tape.
+    """Compile the recursive form of equations to a tape.
 
     Parameters
     ----------
@@ -139,6 +139,10 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
     System
         See `System.recursive`; it has no tapes besides the dynamics.
     """
+    from lagcli.equations.derivation.motion import Motion
+    from lagcli.equations.derivation.quadratic import QuadraticForms
+    from lagcli.equations.derivation.recursion import in_velocities
+
     eq, recursive = equations, equations.recursive
     assert recursive is not None
     nq, velocities = len(eq.q), recursive.velocities
@@ -150,22 +154,24 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
         if w.before is not None:
             jacobian[k, nq + w.before] = se.Integer(-1)
         jacobian[k, nq + k] = se.Integer(1)
-    zeros = [se.Integer(0)] * len(velocities)
+    rows = in_velocities(eq.constraints, velocities, QuadraticForms(Motion.of(eq.model)))
+    for i, row in enumerate(rows, len(velocities)):
+        jacobian |= {(i, j): x for j, x in row.rest.items()}
+        jacobian |= {(i, nq + k): x for k, x in row.factors.items()}
+    zero = se.Integer(0)
     rates = [w.difference.rate for w in velocities]
+    outputs = [*mass.values(), *recursive.forcing, *[zero] * len(velocities)]
+    outputs += [*jacobian.values(), *rates, *[zero] * len(rows), zero]
     names = tuple(f"velocity[{k}]" for k in range(len(velocities)))
     nothing = Tape(0, (), (), ())
     return System(
         coordinates=(*eq.model.coordinate_names, *names),
-        constraints=names,
+        constraints=(*names, *eq.model.constraint_names),
         holonomic=(),
         parameters=tuple(eq.model.parameters),
         mass_pattern=tuple(mass),
         jacobian_pattern=tuple(jacobian),
-        dynamics=compile_tape(
-            [*mass.values(), *recursive.forcing, *zeros, *jacobian.values(), *rates, *zeros[:1]],
-            *_inputs(eq),
-            functions,
-        ),
+        dynamics=compile_tape(outputs, *_inputs(eq), functions),
         constraint=nothing,
         report=nothing,
         functions=functions,

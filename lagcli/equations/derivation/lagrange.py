@@ -224,7 +224,7 @@ def derive(model: Model) -> Equations:
         energy=dynamics.energy,
         time_power=dynamics.time_power,
         outputs=with_forces(model, constraints, model.outputs),
-        recursive=_recursive(model, forms, products, of_rest, free),
+        recursive=_recursive(model, forms, products, of_rest, free, reactive),
     )
 
 
@@ -314,9 +314,12 @@ def _recursive(
     products: Sequence[QuadraticTerm],
     rest: _Rest,
     free: Sequence[Basic],
+    reactive: Sequence[Basic],
 ) -> RecursiveEquations | None:
-    """Return the recursive form of a large model without constraints; None if there is none."""
-    if len(model.coordinate_names) < LEAST_RECURSIVE or model.constraints or model.switches:
+    """Return the recursive form of a large model; None if there is none."""
+    if len(model.coordinate_names) < LEAST_RECURSIVE or model.switches:
+        return None
+    if not any(len(term.first.row) > 1 for term in products) or any(x != ZERO for x in reactive):
         return None
     velocities, others = velocities_of(products, forms)
     if not velocities:

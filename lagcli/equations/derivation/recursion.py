@@ -12,17 +12,25 @@ M a = f is part of the sparse system
 
 in which row k of D has 1 at k and −1 at p(k), and r_k is the convective rate of the difference.
 Elimination of ẇ and μ gives M = M_0 + Jᵀ C J, w = J v + …, and f.
+
+A constraint far along the chain has a full row of B as well. With the velocities in it, the row is
+Σ_k e_k w_k + Σ_j b_j v_j, of few terms; its right side is γ + Σ_k e_k ẇ_k without accelerations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
+import symengine as se
 from symengine import Basic
 
-from lagcli.equations.derivation.motion import ZERO
+from lagcli.equations.derivation.motion import ONE, ZERO, Motion
 from lagcli.equations.derivation.quadratic import AffineForm, QuadraticForms, QuadraticTerm
 from lagcli.named_tuples import NamedTuple
+
+if TYPE_CHECKING:
+    from lagcli.equations.derivation.lagrange import ConstraintEquation
 
 #: Number of coordinates from which velocities are unknowns: fewer have a short elimination.
 LEAST_RECURSIVE = 25
@@ -39,11 +47,29 @@ class Velocity(NamedTuple):
         p; None: w_k = d.
     difference : AffineForm
         d.
+    row : mapping of int to expression
+        The coefficients of w_k, by coordinate.
     """
 
     factor: Basic
     before: int | None
     difference: AffineForm
+    row: Mapping[int, Basic]
+
+
+class RowInVelocities(NamedTuple):
+    """A row of B v as Σ_k e_k w_k + Σ_j b_j v_j.
+
+    Parameters
+    ----------
+    factors : dict of int to expression
+        The e_k, by velocity.
+    rest : dict of int to expression
+        The b_j, by coordinate.
+    """
+
+    factors: dict[int, Basic]
+    rest: dict[int, Basic]
 
 
 def velocities_of(
@@ -81,11 +107,11 @@ def velocities_of(
     place = {n: k for k, n in enumerate(kept)}
     velocities = []
     for n in kept:
-        form, first = terms[chosen[n]].first, before.get(n)
-        if first is not None:
-            form = forms.difference(form, terms[chosen[first]].first)
+        whole, first = terms[chosen[n]].first, before.get(n)
+        form = whole if first is None else forms.difference(whole, terms[chosen[first]].first)
         factor = 2 * terms[chosen[n]].factor
-        velocities.append(Velocity(factor, None if first is None else place[first], form))
+        previous = None if first is None else place[first]
+        velocities.append(Velocity(factor, previous, form, whole.row))
     used = {chosen[n] for n in kept}
     return velocities, [term for k, term in enumerate(terms) if k not in used]
 
@@ -94,3 +120,105 @@ def _may_follow(term: QuadraticTerm, forms: QuadraticForms) -> bool:
     """Return whether a term is c w²/2 with a constant c, and ∂w/∂q − dw_q/dt is zero."""
     constant = forms.motion.occurring(term.factor).is_constant
     return term.first is term.second and constant and not term.first.curl and term.factor != ZERO
+
+
+def in_velocities(
+    constraints: Iterable[ConstraintEquation],
+    velocities: Sequence[Velocity],
+    forms: QuadraticForms,
+) -> list[RowInVelocities]:
+    """Return the rows of B with velocities that are defined one after the other in them.
+
+    Parameters
+    ----------
+    constraints : iterable of ConstraintEquation
+    velocities : sequence of Velocity
+    forms : QuadraticForms
+        Recognizes the velocities in constraints.
+    """
+    introduced: dict[int, list[int]] = {}
+    for k, w in enumerate(velocities):
+        for j in w.difference.row:
+            introduced.setdefault(j, []).append(k)
+    found = []
+    for constraint in constraints:
+        factors: dict[int, Basic] = {}
+        rest: dict[int, Basic] = {}
+        for factor, row in _parts(constraint, forms):
+            taken, left = _recognize(row, velocities, introduced, forms.motion)
+            for k, c in taken.items():
+                factors[k] = factors.get(k, ZERO) + factor * c
+            for j, x in left.items():
+                rest[j] = rest.get(j, ZERO) + factor * x
+        sparse = len(factors) + len(rest) < len(constraint.row)
+        found.append(
+            RowInVelocities(factors, rest) if sparse else RowInVelocities({}, dict(constraint.row))
+        )
+    return found
+
+
+def _recognize(
+    row: Mapping[int, Basic],
+    velocities: Sequence[Velocity],
+    introduced: Mapping[int, Sequence[int]],
+    motion: Motion,
+) -> tuple[dict[int, Basic], dict[int, Basic]]:
+    """Return constant multiples of velocities that a row has, and the rest of it."""
+    taken: dict[int, Basic] = {}
+    rest = dict(row)
+    # the coordinates that few velocities have first
+    for j in sorted(row, key=lambda j: -min(introduced.get(j, (-1,)))):
+        if j not in rest:
+            continue
+        for k in introduced.get(j, ()):
+            w = velocities[k].row
+            c = rest[j] / w[j] if j in w else None
+            if c is None or not motion.occurring(c).is_constant:
+                continue
+            both = {i: rest.get(i, ZERO) - c * w.get(i, ZERO) for i in {*rest, *w}}
+            less = {i: x for i, x in both.items() if x != ZERO}
+            if len(less) < len(rest):
+                taken[k] = taken.get(k, ZERO) + c
+                rest = less
+                break
+    return taken, rest
+
+
+def _parts(
+    constraint: ConstraintEquation, forms: QuadraticForms
+) -> list[tuple[Basic, Mapping[int, Basic]]]:
+    """Return factors and rows whose products add up to a row of B."""
+    whole = [(ONE, constraint.row)]
+    if constraint.constraint.kind == "nonlinear":
+        return whole
+    if constraint.position is not None:
+        return list(_parts_of_rate(constraint.position, forms.motion))
+    found: list[tuple[Basic, Mapping[int, Basic]]] = []
+    plain: list[Basic] = []
+    for term in se.Add.make_args(constraint.constraint.expression):
+        moving = [x for x in se.Mul.make_args(term) if forms.motion.occurring(x).rates]
+        if len(moving) == 1 and isinstance(moving[0], se.Add):
+            form = forms.form(moving[0])
+            if form is None:
+                return whole
+            found.append((term / moving[0], form.row))
+        else:
+            plain.append(term)
+    form = forms.form(se.Add(*plain))
+    return whole if form is None else [*found, (ONE, form.row)]
+
+
+def _parts_of_rate(position: Basic, motion: Motion) -> Iterator[tuple[Basic, Mapping[int, Basic]]]:
+    """Yield the same of dφ/dt: sums that are factors, or their powers, have rows of their own."""
+    plain: list[Basic] = []
+    for term in se.Add.make_args(position):
+        factors = [x for x in se.Mul.make_args(term) if motion.occurring(x).positions]
+        if not any(isinstance(x.args[0] if isinstance(x, se.Pow) else x, se.Add) for x in factors):
+            plain.append(term)
+            continue
+        for x in factors:
+            inner, slope = x, ONE
+            if isinstance(x, se.Pow) and motion.occurring(x.args[1]).is_constant:
+                inner, slope = x.args[0], x.args[1] * x.args[0] ** (x.args[1] - ONE)
+            yield term / x * slope, motion.slopes(inner).by_position
+    yield ONE, motion.slopes(se.Add(*plain)).by_position
