@@ -29,10 +29,14 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, Red
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError, check_argument
 from lagcli.model.model import InitialValue, Model, velocity
+from lagcli.model.names.members import families
 from lagcli.settings.settings import DEFAULTS
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
+
+#: Number of violated constraints whose residuals a message has.
+_SHOWN = 10
 
 
 def find_start(
@@ -255,11 +259,16 @@ def _undefined_start(equations: Equations, state: State) -> NumericalError:
 
 
 def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
-    residuals = "\n".join(
+    shown = sorted(error.violations, key=lambda x: -x.relative)[:_SHOWN]
+    lines = [
         f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its scale)"
         for x in error.violations
-    )
-    names = ", ".join(f"`{x.constraint}`" for x in error.violations)
+        if x in shown
+    ]
+    if len(lines) < len(error.violations):
+        lines.append(f"  and {len(error.violations) - len(lines)} with less")
+    residuals = "\n".join(lines)
+    names = ", ".join(f"`{x}`" for x in families(x.constraint for x in error.violations))
     plural = "s" if len(error.violations) > 1 else ""
     first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
     kinds = {c.name: c.kind for c in model.constraints}
@@ -314,8 +323,15 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
 
 
 def _one_of(names: Sequence[str]) -> str:
-    """Return one of some names in words."""
-    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
+    """Return one of some coordinates, or of some velocities, in words."""
+    if len(names) == 1:
+        return names[0]
+    primed = [name for name in names if name.endswith("'")]
+    listed = [
+        *families(name for name in names if name not in primed),
+        *(f"{name}'" for name in families(name.removesuffix("'") for name in primed)),
+    ]
+    return "one of " + ", ".join(listed)
 
 
 def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lowered import lowered
+from trees import ROPE
 
 import lagcli
 from lagcli.arrays import Array
@@ -192,6 +193,36 @@ def test_fixed_velocities_that_violate_name_what_to_free() -> None:
     assert "differentiated in time" in text
     assert "free one of x', y'" in text
     assert "residual 2.8" in text  # 2 (0.6 + 0.8)
+
+
+def test_members_of_families_are_named_together() -> None:
+    text = """
+    coordinates: [x[1..30], y[1..30]]
+    T: sum(x[i]'^2 + y[i]'^2, i = 1..30)
+    constraints: {rod[i = 1..30]: x[i]^2 + y[i]^2 = 1}
+    initial: {x[i = 1..30]: 0.6, y[i = 1..30]: 0.8 + 0.01*i, x[1..30]': 0, y[1..30]': 0}
+    """
+    model = lagcli.load_text(text)
+    with pytest.raises(ModelError) as caught:
+        lagcli.simulate(model)
+    message = str(caught.value)
+    assert "violate the constraints `rod[1..30]`" in message
+    assert "free one of x[1..30], y[1..30], for instance" in message
+    assert "rod[30]: residual" in message
+    assert "rod[20]:" not in message
+    assert "and 20 with less" in message
+    velocities = text.replace(" + 0.01*i", "").replace("x[1..30]': 0", "x[1..30]': 1")
+    with pytest.raises(ModelError, match=r"free one of x\[1..30\]', y\[1..30\]'"):
+        lagcli.simulate(lagcli.load_text(velocities))
+
+
+def test_light_end_of_a_rope_does_not_close_a_wide_gap_alone() -> None:
+    # the lightest links would move far, by steps of least M-weighted length
+    n = 36
+    equations = lagcli.derive(lagcli.load_text(ROPE, set={"N": n, "r": 0.6}))
+    q = find_start(equations, lower(equations), 0.0).state.q
+    assert np.cos(q).sum() / n == pytest.approx(0.6, abs=1e-14)
+    assert np.sin(q).sum() / n == pytest.approx(0.0, abs=1e-14)
 
 
 def test_constraints_that_contradict_each_other() -> None:
