@@ -140,7 +140,6 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
         See `System.recursive`; it has no tapes besides the dynamics.
     """
     from lagcli.equations.derivation.motion import Motion
-    from lagcli.equations.derivation.quadratic import QuadraticForms
     from lagcli.equations.derivation.recursion import in_velocities
 
     eq, recursive = equations, equations.recursive
@@ -154,7 +153,7 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
         if w.before is not None:
             jacobian[k, nq + w.before] = se.Integer(-1)
         jacobian[k, nq + k] = se.Integer(1)
-    rows = in_velocities(eq.constraints, velocities, QuadraticForms(Motion.of(eq.model)))
+    rows = in_velocities(eq.constraints, velocities, Motion.of(eq.model))
     for i, row in enumerate(rows, len(velocities)):
         jacobian |= {(i, j): x for j, x in row.rest.items()}
         jacobian |= {(i, nq + k): x for k, x in row.factors.items()}

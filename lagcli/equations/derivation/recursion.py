@@ -123,9 +123,7 @@ def _may_follow(term: QuadraticTerm, forms: QuadraticForms) -> bool:
 
 
 def in_velocities(
-    constraints: Iterable[ConstraintEquation],
-    velocities: Sequence[Velocity],
-    forms: QuadraticForms,
+    constraints: Iterable[ConstraintEquation], velocities: Sequence[Velocity], motion: Motion
 ) -> list[RowInVelocities]:
     """Return the rows of B with velocities that are defined one after the other in them.
 
@@ -133,8 +131,7 @@ def in_velocities(
     ----------
     constraints : iterable of ConstraintEquation
     velocities : sequence of Velocity
-    forms : QuadraticForms
-        Recognizes the velocities in constraints.
+    motion : Motion
     """
     introduced: dict[int, list[int]] = {}
     for k, w in enumerate(velocities):
@@ -144,8 +141,8 @@ def in_velocities(
     for constraint in constraints:
         factors: dict[int, Basic] = {}
         rest: dict[int, Basic] = {}
-        for factor, row in _parts(constraint, forms):
-            taken, left = _recognize(row, velocities, introduced, forms.motion)
+        for factor, row in _parts(constraint, motion):
+            taken, left = _recognize(row, velocities, introduced, motion)
             for k, c in taken.items():
                 factors[k] = factors.get(k, ZERO) + factor * c
             for j, x in left.items():
@@ -185,27 +182,23 @@ def _recognize(
 
 
 def _parts(
-    constraint: ConstraintEquation, forms: QuadraticForms
-) -> list[tuple[Basic, Mapping[int, Basic]]]:
-    """Return factors and rows whose products add up to a row of B."""
-    whole = [(ONE, constraint.row)]
-    if constraint.constraint.kind == "nonlinear":
-        return whole
+    constraint: ConstraintEquation, motion: Motion
+) -> Iterator[tuple[Basic, Mapping[int, Basic]]]:
+    """Yield factors and rows whose products add up to a row of B."""
     if constraint.position is not None:
-        return list(_parts_of_rate(constraint.position, forms.motion))
-    found: list[tuple[Basic, Mapping[int, Basic]]] = []
+        yield from _parts_of_rate(constraint.position, motion)
+        return
+    if constraint.constraint.kind == "nonlinear":
+        yield ONE, constraint.row
+        return
     plain: list[Basic] = []
     for term in se.Add.make_args(constraint.constraint.expression):
-        moving = [x for x in se.Mul.make_args(term) if forms.motion.occurring(x).rates]
+        moving = [x for x in se.Mul.make_args(term) if motion.occurring(x).rates]
         if len(moving) == 1 and isinstance(moving[0], se.Add):
-            form = forms.form(moving[0])
-            if form is None:
-                return whole
-            found.append((term / moving[0], form.row))
+            yield term / moving[0], motion.row(moving, motion.rate_columns)
         else:
             plain.append(term)
-    form = forms.form(se.Add(*plain))
-    return whole if form is None else [*found, (ONE, form.row)]
+    yield ONE, motion.row(plain, motion.rate_columns)
 
 
 def _parts_of_rate(position: Basic, motion: Motion) -> Iterator[tuple[Basic, Mapping[int, Basic]]]:
