@@ -338,3 +338,27 @@ def test_beam_against_published_values() -> None:
     np.testing.assert_allclose(q[links], expected, rtol=0, atol=1e-8)
     expected = [0.3747362681329794e-1, 0.5987609702624270, 1.186724615113034]
     np.testing.assert_allclose(v[links[[0, 1, 3]]], expected, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("rtol", "error"), [(1e-8, 2e-6), (1e-10, 4e-8), (1e-12, 4e-9)])
+def test_errors_of_radau_follow_the_tolerance(rtol, error):
+    """Two masses turn about each other on a stiff, damped spring. What rounding errors need of the
+    tolerances is not multiplied by what the order of Radau's estimate allows."""
+    k, rate = 8e6, 2.0
+    length = k / (k - rate**2 / 2)  # of a spring of length 1 at rest
+    model = lagcli.load_text(f"""
+    coordinates: [x1, y1, x2, y2]
+    definitions: {{s: sqrt((x2 - x1)^2 + (y2 - y1)^2)}}
+    T: (x1'^2 + y1'^2 + x2'^2 + y2'^2)/2
+    V: {k}/2*(s - 1)^2
+    D: 1000*s'^2
+    initial: {{x1: {-length / 2!r}, y1: 0, x2: {length / 2!r}, y2: 0,
+              x1': 0.3, y1': {-rate * length / 2!r}, x2': 0.3, y2': {rate * length / 2!r}}}
+    """)
+    run = lagcli.simulate(model, method="Radau", rtol=rtol, t_end=3, samples=61)
+    angle = rate * run.time
+    along = length / 2 * np.array([np.cos(angle), np.sin(angle)])
+    across = rate * np.array([-along[1], along[0]])
+    moved, speed = np.array([0.3 * run.time, 0 * angle]), np.array([[0.3], [0.0]])
+    np.testing.assert_allclose(run.q.T, [*(moved - along), *(moved + along)], rtol=0, atol=error)
+    np.testing.assert_allclose(run.v.T, [*(speed - across), *(speed + across)], rtol=0, atol=error)

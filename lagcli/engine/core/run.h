@@ -37,7 +37,8 @@ typedef struct {
 
 /* sizes.c: the absolute tolerances. */
 typedef struct {
-    double *atol;                      /* n: of the next step */
+    double *atol;                      /* n: of the next step ... */
+    double *rounding;                  /* ... and what rounding errors need of it */
     const double *given;               /* n: given tolerances; 0 if they follow the size */
     double *size, *acceleration_terms, *future_acceleration;      /* n, nq, nq: S, A and R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */

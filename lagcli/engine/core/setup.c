@@ -116,6 +116,7 @@ static void allocate(lag_run *run)
     step->dense = lag_doubles(pool, 7 * (n + 7));
     step->work = lag_doubles(pool, 2 * (n + size) + 3 * nc);
     run->tolerances.size = lag_doubles(pool, n);
+    run->tolerances.rounding = lag_doubles(pool, n);
     run->tolerances.acceleration_terms = lag_doubles(pool, nq);
     run->tolerances.future_acceleration = lag_doubles(pool, nq);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
@@ -375,6 +376,7 @@ int lag_use_jacobians(lag_run *run, const lag_jacobians *given)
     m->velocity = lag_doubles(pool, nq);
     m->quotient = lag_doubles(pool, nq);
     m->zero = lag_doubles(pool, nq);
+    m->atol = lag_doubles(pool, lag_size(&run->system));
     m->n = n;
     m->count = count;
     m->start = lag_copy_integers(pool, given->start, n + 1);

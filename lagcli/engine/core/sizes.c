@@ -231,14 +231,17 @@ static void sizes_of_changes(lag_run *run)
         for (int part = 0; part < 2; ++part) {
             double *size = tolerances->size + first + (2 * k + part) * nq;
             double *atol = tolerances->atol + first + (2 * k + part) * nq, largest = 0.0;
+            double *rounding = tolerances->rounding + first + (2 * k + part) * nq;
             const double *change = run->step.y + first + (2 * k + part) * nq;
             for (int i = 0; i < nq; ++i) {
                 size[i] = fmax(size[i], fabs(change[i]));
                 largest = fmax(largest, size[i]);
             }
-            for (int i = 0; i < nq; ++i)
-                atol[i] = OF_DERIVATIVES * run->settings.rtol * size[i] + ROUNDING * largest
-                          + h * tolerances->acceleration_terms[i] * (part ? 1.0 : run->step.h) + NO_SIZE;
+            for (int i = 0; i < nq; ++i) {
+                const double noise = h * tolerances->acceleration_terms[i] * (part ? 1.0 : run->step.h);
+                rounding[i] = ROUNDING * largest + noise + NO_SIZE;
+                atol[i] = OF_DERIVATIVES * run->settings.rtol * size[i] + ROUNDING * largest + noise + NO_SIZE;
+            }
         }
 }
 
@@ -269,6 +272,7 @@ void lag_sizes_update(lag_run *run)
             const double noise = (h * run->tolerances.acceleration_terms[i] + length * run->tolerances.future_acceleration[i])
                                  * (part ? 1.0 : run->step.h);
             const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
+            run->tolerances.rounding[m] = run->tolerances.given[m] > 0.0 ? 0.0 : ROUNDING * all + noise + NO_SIZE;
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
                                ? run->tolerances.given[m]
                                : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->settings.rtol * size[m]

@@ -24,7 +24,8 @@
  *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
  *     load that is applied later, at a time that is known to a rounding.
  *
- * Every term changes with the units as y_i does. See docs/decisions/2026-11-tolerances.md.
+ * Rounding is kept apart, for methods whose estimate has another tolerance. Every term changes with the units as y_i
+ * does. See docs/decisions/2026-11-tolerances.md.
  */
 #ifndef LAGCLI_SIZES_H
 #define LAGCLI_SIZES_H

@@ -153,7 +153,7 @@ class SceneDrawing:
         raster = self.raster
         right, space = raster.width - 14.0, 16 * raster.unit
         for vector in reversed(self.vectors[:_LISTED]):
-            value = float(np.linalg.norm(moment.vector(vector.components)))
+            value = math.hypot(*moment.vector(vector.components))  # without overflow
             text = (
                 f"{named(vector, self.scene.vectors)} {three_digits(value)} {vector.unit}".rstrip()
             )

@@ -36,6 +36,7 @@ typedef struct lag_implicit {
     double *right, *right_im, *residual;   /* n each */
     double *work;                      /* 2 n */
     double *quotient, *zero;           /* nq each: r_q/s, and zeros */
+    double *atol;                      /* of Radau's error estimate; as many as numbers of the state */
     double shift, shift_re, shift_im;  /* of the factors; 0 if there are none */
     int refine;                        /* whether the solutions of the factors need refinement */
     int64_t ordered;                   /* the step for which orders were chosen */

@@ -26,10 +26,17 @@ static double looseness(const lag_run *run)
     return 0.1 * pow(run->settings.rtol, -1.0 / 3.0);
 }
 
-/* A norm against the estimate's own tolerance; y_new is near the step's end. */
+/* A norm against the estimate's own tolerance, without what rounding errors need; y_new is near the step's end. */
 static double norm(const lag_run *run, const double *x)
 {
-    return lag_scaled_norm(run, x, run->step.y, run->step.y_new) / looseness(run);
+    const lag_tolerances *given = &run->tolerances;
+    const int n = lag_size(&run->system);
+    const double looser = looseness(run);
+    double *atol = run->implicit->atol;
+    for (int i = 0; i < n; ++i)
+        atol[i] = looser * (given->atol[i] - given->rounding[i]) + given->rounding[i];
+    return sqrt(run->system.vectors->scaled_square(n, x, run->step.y, run->step.y_new, atol,
+                                                   looser * run->settings.rtol));
 }
 
 /* The collocation polynomial of the last step at x of its size, less its value at the end. */
