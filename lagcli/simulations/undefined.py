@@ -10,7 +10,7 @@ from functools import cached_property
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations
@@ -75,7 +75,7 @@ class _ExpressionSearch:
         self.state.update(zip(equations.v, state.v.tolist(), strict=True))
         parameters = map(se.Symbol, self.model.parameters)
         self.values = {**self.state, **dict(zip(parameters, state.p, strict=True))}
-        self.scope = scope_of(self.model)
+        self.scope, self.functions = scope_of(self.model), input_functions(self.model)
 
     @cached_property
     def places(self) -> ExpressionLocations:
@@ -158,7 +158,8 @@ class _ExpressionSearch:
     # values
 
     def numbers(self, expressions: list[Basic]) -> list[float]:
-        return ScalarTape(compile_tape(expressions, list(self.values)))(self.values.values())
+        tape = compile_tape(expressions, list(self.values), (), self.functions)
+        return ScalarTape(tape)(self.values.values())
 
     def unbounded(self, value: Value | None) -> bool:
         """Whether an expression is not finite."""

@@ -15,7 +15,8 @@ import symengine as se
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.tape.inputs import InputFunctions
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import Motion
@@ -211,10 +212,12 @@ def _slopes(
 ) -> Array:
     """Return ∂(L' − L)/∂q at the samples, (count, nq)."""
     motion, difference = Motion.of(other.model), other.lagrangian - one.lagrangian
+    known = {f.name: f for eq in (one, other) for f in input_functions(eq.model).functions}
     tape = compile_tape(
         [motion.diff(difference, q) for q in one.q],
         [symbols.TIME, *one.q, *one.v],
         [se.Symbol(name) for name in values],
+        InputFunctions(tuple(known.values())),
     )
     inputs = [run.time[:count], *run.q[:count].T, *run.v[:count].T, *values.values()]
     return np.ascontiguousarray(run_arrays(tape, inputs, count).T)

@@ -48,6 +48,11 @@ def marked(found) -> str:
         ),
         ("T: m/2*(x'^2 + y'^2)\nQ: {x: sqrt(-1 - y)}\n", "sqrt(-1 - y)", "in the force on `x`", 4),
         ("T: m/2*(x'^2 + y'^2)\nD: x'^2/y\n", "x'^2/y", "in `D` has", 4),
+        (
+            "inputs: {u: {times: [0, 1], values: [-1, 1]}}\n"
+            "T: m/2*(x'^2 + y'^2)\nQ: {x: y + log(u)}\n",
+            *("log(u)", "in the force on `x`", 5),
+        ),
         # of cases only the one that is taken matters
         (
             "T: m/2*(x'^2 + y'^2)\nV: if(x > 1, log(x - 2), log(y)) + y\n",

@@ -25,6 +25,27 @@ def test_a_lagrangian_shortened_by_the_constraint_explains_its_multiplier() -> N
     np.testing.assert_allclose(change, -expected, atol=1e-5)
 
 
+_DRIVEN = """
+coordinates: [x, y]
+inputs:
+  u: {times: [0, 1, 2], values: [-1, 0, 1], interpolation: linear}
+T: x'^2/2 + y'^2/2
+V: x^2/2 - u*x%s
+constraints: {tie: y = x}
+initial: {x: 0, x': 0, y: 0, y': 0}
+simulation: {t_end: 2, samples: 11}
+"""
+
+
+def test_an_input_in_the_difference_of_the_lagrangians_explains_it() -> None:
+    first, second = (lagcli.load_text(_DRIVEN % x) for x in ("", " + u^2*(x - y)"))
+    found = lagcli.compare_models(first, second)
+    # V gains -u^2 (y - x), so that F = u^2 with u = t - 1
+    change = found.second.multipliers[:, 0] - found.first.multipliers[:, 0]
+    np.testing.assert_allclose(change, -((found.first.time - 1) ** 2), atol=1e-9)
+    assert set(found.explained) == {"tie"}
+
+
 def test_another_mass_explains_nothing() -> None:
     first, second = lagcli.load(CRANK), lagcli.load(CRANK, {"m": "1.2"})
     found = lagcli.compare_models(first, second)
