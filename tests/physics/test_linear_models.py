@@ -247,3 +247,22 @@ initial: {x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}
 def test_a_linear_model_next_to_a_singular_configuration_says_so() -> None:
     model = lagcli.load(ROOT / "tests/found/singular_start.yaml")
     assert any("next to a singular" in note for note in lagcli.linearize(model).notes)
+
+
+@pytest.mark.parametrize("x", [0.3, 0.45, 0.6])
+def test_a_curved_row_takes_no_part_in_the_dependence_of_others(x: float) -> None:
+    """A bead on z = x²/2 in a plane that is given twice: its share in the sum is rounding errors.
+
+    At rest, L = (2 + x²) x'²/2 - k/2 x² gives δx'' = d/dx (-k x/(2 + x²)) δx.
+    """
+    model = lagcli.load_text(f"""\
+coordinates: [x, y, z]
+parameters: {{k: 3}}
+T: (x'^2 + y'^2 + z'^2)/2
+V: k/2*x^2
+constraints: {{plane: x = y, bowl: z = x^2/2, again: 7/16*x = 7/16*y}}
+initial: {{x: {x}, y: {{guess: 0}}, z: {{guess: 0}}, x': 0, y': {{guess: 0}}, z': {{guess: 0}}}}
+""")
+    linear = lagcli.linearize(model)
+    expected = -3 * (2 - x**2) / (2 + x**2) ** 2
+    np.testing.assert_allclose(linear.A, [[0, 1], [expected, 0]], rtol=1e-12, atol=1e-12)

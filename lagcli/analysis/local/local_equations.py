@@ -43,7 +43,8 @@ _BALANCED = 1e-8
 _CONSTANT = 1e-9
 #: Newton's iteration for forces that depend on λ: ends where λ changes by less than this part.
 _ITERATIONS, _SETTLED = 30, 1e-14
-#: Changes of rows of B below this part of their terms are rounding errors; the rank takes 1e-8.
+#: Changes of rows of B below this part of their terms are rounding errors, and so are smaller
+#: shares of scaled rows in a sum that vanishes; the rank takes 1e-8.
 _CHANGES = 1e-6
 
 
@@ -101,7 +102,8 @@ class LocalEquations(DerivedModel):
         changes = gradients.at(point)
         names = self.system.constraints
         found: set[int] = set()
-        for w in (d.dependent / d.scale[:, None]).T:
+        shares = np.where(np.abs(d.dependent) > _CHANGES, d.dependent, 0.0)  # of scaled rows
+        for w in (shares / d.scale[:, None]).T:
             weights = w / np.abs(w).max()
             change, size = np.zeros((2, len(point.q), len(point.q)))
             for (k, i), row in zip(places, changes, strict=True):
@@ -110,7 +112,7 @@ class LocalEquations(DerivedModel):
             left, right = tangent.velocity_basis, tangent.position_basis
             bound = np.abs(left.T) @ size @ np.abs(right)
             if (np.abs(left.T @ change @ right) > _CHANGES * bound).any():
-                found.update(np.flatnonzero(np.abs(weights) > _CHANGES).tolist())
+                found.update(np.flatnonzero(weights).tolist())
         return tuple(names[k] for k in sorted(found))
 
     def express(self, expression: Basic) -> Basic:
