@@ -173,6 +173,26 @@ def test_usage_errors(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["run.h5", "run.csv"])
+def test_a_run_that_stops_before_its_first_sample_is_written(
+    here: Here, tmp_path: Path, name: str
+) -> None:
+    """Its file has the event; an older file of this name does not stay."""
+    model, output = tmp_path / "m.yaml", tmp_path / name
+    model.write_text(
+        "coordinates: [x]\nparameters: {c: 0.5}\nT: x'^2/2\ninitial: {x: 0, x': 1}\n"
+        "events: {end: {when: x >= c, stop: true}}\nsimulation: {t_end: 1, samples: 1}\n"
+    )
+    assert here("simulate", str(model), "--set", "c=2", "-o", str(output), "--meta") == 0
+    assert read(output).time.tolist() == [1.0]
+    assert here("simulate", str(model), "-o", str(output), "--meta", "--force") == 0
+    assert re.search(r"written +.*" + name, here.out)
+    run = read(output)
+    assert (run.status, run.time.shape) == ("stopped-by-event", (0,))
+    assert run.events is not None
+    assert run.events.time.tolist() == pytest.approx([0.5])
+
+
 def test_two_results_for_one_stream(here: Here) -> None:
     assert here("simulate", CRANK, "-o", "-", "--json") == 2
     assert "standard output" in here.err

@@ -295,6 +295,14 @@ def test_a_run_in_memory_is_animated(tmp_path):
     assert made.frames == 101
 
 
+def test_one_sample_is_shown_without_a_trail(tmp_path):
+    model = lagcli.load(Path(__file__).parents[2] / "models" / "double_pendulum_cartesian.yaml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = lagcli.animate(lagcli.simulate(model, samples=1), tmp_path / "run.html")
+    assert made.frames == 1
+
+
 def test_the_page_runs_its_own_script_alone(result, tmp_path):
     lagcli.animate(result("atwood"), tmp_path / "run.html")
     text = (tmp_path / "run.html").read_text(encoding="utf-8")

@@ -91,16 +91,18 @@ def simulate(
     simulation = prepare(loaded, settings)
     simulation.check_memory()
     extremes = Extremes(loaded.constraint_names, simulation.monitor.names)
-    writing = 0.0
+    writing, nothing = 0.0, None  # the empty block of a run that ended before its first sample
     with (
         Interruption(signal.SIGINT, signal.SIGTERM) as interruption,
         nullcontext() if output is None else open_writer(output, force, meta) as writer,
     ):
 
         def take(samples: Samples) -> None:
-            nonlocal writing
+            nonlocal writing, nothing
             extremes.add(vars(samples))
-            if writer is not None and len(samples.time):
+            if not len(samples.time):
+                nothing = samples
+            elif writer is not None:
                 entered = time.perf_counter()
                 writer.append(samples)
                 writing += time.perf_counter() - entered
@@ -111,7 +113,10 @@ def simulate(
         ) as progress:
             record = simulation.run(take, progress, interruption)
         entered = time.perf_counter()
-        if writer is not None and extremes.samples:
+        kept = bool(extremes.samples) or record.status in ENDED
+        if writer is not None and kept:
+            if nothing is not None:
+                writer.append(nothing)
             writer.finish(record)
     now = time.perf_counter()
     seconds = {
@@ -120,7 +125,7 @@ def simulate(
         "write": writing + now - entered,
         "total": now - began,
     }
-    written = output if extremes.samples else None
+    written = output if kept else None
     nonlinear = [c.name for c in simulation.model.constraints if c.kind == "nonlinear"]
     result = summary.summarize(record, extremes, simulation.initial, written, seconds, nonlinear)
     if json:
@@ -139,12 +144,12 @@ def simulate(
     print(f"error: {record.message}", file=sys.stderr)
     _say_where(loaded, record.message)
     if output is not None:
-        kept = (
+        left = (
             f"kept {counted(extremes.samples, 'sample')} in {output}"
             if written
             else "nothing written"
         )
-        print(f"   note: {kept}", file=sys.stderr)
+        print(f"   note: {left}", file=sys.stderr)
     return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
 
 

@@ -558,6 +558,8 @@ def _rim(moment: Moment, disc: DrawnDisc, angles: Array) -> Array:
 def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
     """Yield the recent path of a point, fading."""
     scene, now, length = moment.scene, moment.now, moment.trail
+    if not length:  # a run of one sample
+        return
     first = int(np.searchsorted(scene.time, now - length))
     last = int(np.searchsorted(scene.time, now, side="right"))
     stride = max(1, math.ceil((last - first) / _POINTS))
