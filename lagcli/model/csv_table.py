@@ -69,7 +69,10 @@ class CsvTable:
         try:
             self.text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise FileError(f"cannot read {path}: it is not text ({error})") from None
+            raise FileError(
+                f"cannot read {path}: it is not text in UTF-8 ({error}); name a CSV file, saved as"
+                " UTF-8"
+            ) from None
         first = next(iter(io.StringIO(self.text, newline="")), "")
         if not self.text.strip():
             raise FileError(f"{path} is empty; its first line names the columns")
@@ -171,17 +174,17 @@ class CsvTable:
             )
         return number, factor
 
-    def number(self, fields: list[str], number: int, line: int) -> float:
-        """Return the number in a field; NaN if it is empty or ``nan``.
+    def number(self, fields: list[str], number: int, line: int, factor: float = 1.0) -> float:
+        """Return the number in a field times a factor; NaN if it is empty or ``nan``.
 
         Raises
         ------
         FileError
-            The field is not a finite number.
+            The field is not a finite number, or it is too large in SI.
         """
         text = fields[number].strip()
         value = math.nan if text.lower() in ("", "nan") else decimal(text)
-        if value is None or math.isinf(value):
+        if value is None or math.isinf(value * factor):
             raise self.error(
                 "bad-data",
                 f"column `{self.titles[number].strip()}`: {shorten(text)!r} is not a finite number",
@@ -189,7 +192,7 @@ class CsvTable:
                 line,
                 number,
             )
-        return value
+        return value * factor
 
     def no_csv(self, error: csv.Error, line: int) -> FileError:
         """Return an error at a line that cannot be divided into fields."""
@@ -200,7 +203,7 @@ class CsvTable:
         self, kind: str, message: str, help_: str, line: int, number: int | None = None
     ) -> FileError:
         """Return an error at a line, or at one of its fields."""
-        lines = self.text.splitlines()
+        lines = io.StringIO(self.text, newline=None).read().split("\n")  # as CSV has them
         text = lines[line - 1] if line <= len(lines) else ""
         start, length = 0, len(text)
         if number is not None:

@@ -101,29 +101,29 @@ def _measured(
     table: CsvTable, time: str, model: Model, observed: Sequence[ObservedQuantity]
 ) -> Measured:
     converted = [table.times(time), *(_column(table, model, x) for x in observed)]
-    columns = [number for number, _ in converted]
+    columns = [(number, float(factor)) for number, factor in converted]
+    at = columns[0][0]
     rows: list[list[float]] = []
     before = -math.inf
     for line, fields in table.rows():
-        row = [table.number(fields, number, line) for number in columns]
+        row = [table.number(fields, number, line, factor) for number, factor in columns]
         if not row[0] > before:
             reason = "is missing" if math.isnan(row[0]) else "is not after the one before"
             raise table.error(
                 "bad-data",
-                f"the time {fields[columns[0]].strip() or 'of the line'} {reason}",
+                f"the time {fields[at].strip() or 'of the line'} {reason}",
                 "sort the lines by time, and give each time once",
                 line,
-                columns[0],
+                at,
             )
         before = row[0]
         rows.append(row)
-    factors = np.array([float(factor) for _, factor in converted])
-    values = np.array(rows).reshape(-1, len(columns)) * factors
+    values = np.array(rows).reshape(-1, len(columns))
     if not np.isfinite(values[:, 1:]).any():
         raise FileError(f"{table.path} contains no measured values below its header")
     sigmas = [
         math.nan if x.sigma is None else x.sigma * (factor if x.sigma_given is None else 1.0)
-        for x, factor in zip(observed, factors[1:], strict=True)
+        for x, (_, factor) in zip(observed, columns[1:], strict=True)
     ]
     return Measured(table.path, values[:, 0].copy(), values[:, 1:].copy(), np.array(sigmas))
 

@@ -226,7 +226,19 @@ class _InputEntry:
                     )
                     return None
             units[read.unit] = node
-        return float(read.number * read.factor)
+        try:
+            value = float(read.number * read.factor)
+        except OverflowError:
+            value = math.inf
+        if math.isinf(value):
+            self.error(
+                "not-a-number",
+                node,
+                f"has a {what} that is too large",
+                "the largest number is 1.8e308 in SI",
+            )
+            return None
+        return value
 
     def of_file(self, unit: str | None) -> InputData | None:
         """Read a CSV file; errors state the location in the file, and the input."""
@@ -266,12 +278,12 @@ class _InputEntry:
         before, to_seconds, to_unit = -math.inf, float(time_factor), float(factor)
         number = table.number
         for line, row in table.rows():
-            t, value = number(row, at, line), number(row, column, line)
+            t, value = number(row, at, line, to_seconds), number(row, column, line, to_unit)
             if not t > before or value != value:
                 raise self.bad_row(table, row, line, (at, t), column)
             before = t
-            times.append(t * to_seconds)
-            values.append(value * to_unit)
+            times.append(t)
+            values.append(value)
         if not times:
             raise table.error("bad-data", "there is no row of numbers", "give at least two rows", 1)
         return InputData(times, values, unit)
@@ -283,7 +295,7 @@ class _InputEntry:
         at, t = time
         if math.isnan(t):
             return table.error("bad-data", "the time is missing", "give every time", line, at)
-        if math.isnan(float(row[column] or "nan")):
+        if math.isnan(table.number(row, column, line)):
             return table.error(
                 "bad-data",
                 f"column `{table.titles[column].strip()}`: the value is missing",

@@ -99,6 +99,10 @@ def test_data_at_hand_are_not_read_again(tmp_path: Path) -> None:
         ("t,height\n0,1\n1,1\n1,2\n", 4, "not after the one before"),
         ("t,height\n0,1\n2,1\n1,2\n", 4, "not after the one before"),
         ("t,height\n0,1\n1,1,1\n", 3, "3 values under 2 names"),
+        ("t,height\n0,1\n1, \n", 3, "the value is missing"),
+        ("t,height [km]\n0,1\n1,1e307\n", 3, "'1e307' is not a finite number"),
+        # two numbers that are one in s
+        ("t [us],height\n0,1\n1000000,1\n1000000.0000000001,2\n", 4, "not after the one before"),
         (b"t,height\n0,\xff\n", 4, "not text"),
         (b"\x89HDF\r\n\x1a\n\x00\x00", 4, "not text"),
     ],
@@ -110,6 +114,13 @@ def test_damaged_files(tmp_path: Path, csv: str | bytes, line: int, fragment: st
     assert f"road.csv:{line}:" in text or f"m.yaml:{line}:" in text
     assert "m.yaml:4" in text
     assert "height" in text or "u" in text
+
+
+def test_lines_are_shown_as_csv_has_them(tmp_path: Path) -> None:
+    """Separators of lines that Unicode has besides do not end a row."""
+    text = message(tmp_path, csv="t,height\r0,1\u2028\r\n1,2\x0b\nx,4\n")
+    assert "road.csv:4:1:" in text
+    assert "    4 | x,4\n" in text
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
@@ -134,6 +145,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         ("times: [0], values: [1]", "a single row"),
         ("times: [], values: []", "no times"),
         ("times: [0, 1]", "no `values`"),
+        ("times: [0, 1], values: [1e307 km, 1 m]", "a value that is too large"),
         ("unit: m", "has no table"),
         ("file: road.csv, times: [0, 1]", "a `file` and `times`"),
         ("column: height, times: [0, 1], values: [1, 2]", "but no `file`"),
