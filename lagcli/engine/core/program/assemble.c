@@ -6,6 +6,7 @@
 #include "program/pack.h"
 
 #define PARTS 4        /* the main part and the deferred ones */
+#define MAIN 1         /* 1 + the main part */
 #define WORTH 0.5      /* required fraction of the operations of a tape in vectors */
 /* Fraction of operations that are repeated often enough for a vector, below which none are sought: on models whose
  * programs gain from vectors it is 0.63 to 1, on others 0.18 to 0.58. */
@@ -77,8 +78,8 @@ static int part_of_output(const lag_tape *tape, int64_t output)
     return 0;
 }
 
-/* Divide operations among the prelude, for those that depend only on parameters, and the first part that needs them;
- * unused ones are omitted. */
+/* Divide operations among the prelude, for those that depend only on parameters, and the part that needs them: the
+ * main one if several do, since a deferred one may run without the others. Unused ones are omitted. */
 static void divide(assembly *a)
 {
     const lag_tape *const tape = a->tape;
@@ -90,14 +91,13 @@ static void divide(assembly *a)
     for (int64_t i = 0; i < tape->output_count; ++i) {
         const int own = 1 + part_of_output(tape, i);
         int *const to = of + tape->outputs[i];
-        *to = *to && *to < own ? *to : own;
+        *to = *to && *to != own ? MAIN : own;
     }
     for (int64_t i = tape->code_count - 1; i >= 0; --i) {
         const int32_t *line = tape->code + 5 * i;
         const int own = of[line[1]];
         for (int k = 0; own && k < lag_tape_kinds.operands[line[0]]; ++k)
-            if (!of[line[2 + k]] || of[line[2 + k]] > own)
-                of[line[2 + k]] = own;
+            of[line[2 + k]] = of[line[2 + k]] && of[line[2 + k]] != own ? MAIN : own;
     }
     const int64_t first = tape->inputs - tape->rhs_inputs;
     for (int64_t x = 0; x < a->fixed; ++x)
