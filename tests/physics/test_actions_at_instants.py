@@ -251,3 +251,48 @@ simulation: {{t_end: 2}}
     np.testing.assert_allclose(run.events.impulse, [impulse], rtol=1e-14)
     assert not run.events.after.any()
     assert run.events.work == pytest.approx([0.0], abs=1e-14)
+
+
+NONLINEAR = """
+coordinates: [x, y, z]
+parameters: {c: 5}
+T: (x'^2 + y'^2 + z'^2)/2
+constraints:
+  speed: x'^2 + y'^2 = c^2
+  CONSTRAINT
+initial: {x: 0, y: 1, z: 0, x': 4, y': -3, z': 0}
+"""
+
+
+WALL = "wall: {expr: y >= 0, restitution: 1}"
+
+
+@pytest.mark.parametrize(
+    ("constraint", "event", "place"),
+    [
+        (WALL, "{when: t >= 0.1, impulse: {x: 0.5}}", "`hit` at t = 0.1 s"),
+        (WALL, "{when: t >= 2, stop: true}", "`wall` at t = 0.333333333 s"),
+        ("stay: {expr: z' = x', active: false}", "{when: t >= 0.1, engage: stay}", "at t = 0.1 s"),
+    ],
+)
+def test_an_impulse_on_a_constraint_nonlinear_in_velocities_ends_the_run(
+    constraint: str, event: str, place: str
+) -> None:
+    """The linear law of impulses would leave x'² + y'² = c², and change the energy."""
+    text = NONLINEAR.replace("CONSTRAINT", constraint)
+    run = lagcli.simulate(load_text(f"{text}events: {{hit: {event}}}\n"), t_end=1)
+    assert run.status == "failed"
+    assert "reaction of `speed` to the impulse at" in run.message
+    assert place in run.message
+
+
+@pytest.mark.parametrize("action", ["impulse: {z: 0.5}", "set: {x': 3}"])
+def test_actions_that_such_a_constraint_allows(action: str) -> None:
+    """An impulse that does not reach it, and velocities that satisfy it: the speed stays 5."""
+    text = NONLINEAR.replace("CONSTRAINT", WALL)
+    model = load_text(f"{text}events: {{hit: {{when: t >= 0.1, {action}}}}}\n")
+    run = lagcli.simulate(model, t_end=0.3 if "z" in action else 0.2)
+    assert run.status == "completed"
+    np.testing.assert_allclose(np.hypot(*run.v[:, :2].T), 5, rtol=1e-12)
+    np.testing.assert_allclose(run.energy_balance, 0, atol=1e-12)
+    assert run.v[-1, 2] == (0.5 if "z" in action else 0)

@@ -8,6 +8,7 @@ Limits of the motion on both sides of an event that records columns are collecte
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
@@ -45,7 +46,7 @@ from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.splitting import SplitSystem
-from lagcli.engine.switching.stops import contradicting_values
+from lagcli.engine.switching.stops import contradicting_values, nonlinear_impulse
 from lagcli.engine.switching.switching import (
     ContactChange,
     EventRule,
@@ -144,6 +145,7 @@ class SwitchingIntegration(Integration):
         self.engaging: tuple[int, float] | None = None
         self.core: SwitchingIntegrator
         self.reused = False  # the core of the last run
+        self.last = math.inf  # the time of the last sample that the run keeps
         super().__init__(split.fixed, request, sink, progress)
         self.keep()
         self.log = EventEntries(self.core.entry_counts)
@@ -240,6 +242,8 @@ class SwitchingIntegration(Integration):
         if self.fault:
             raise Stop(self.fault)
         super().integrate()
+        if self.whole.nonlinear:
+            self.collect()  # the last impacts may end the run
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
@@ -382,29 +386,51 @@ class SwitchingIntegration(Integration):
             return
         (k, work), self.engaging = self.engaging, None
         state, entry = self.core.state, self.log[k]
+        name = self.split_system.switching.events[entry.which].name
+        after = state[self.nq : -1].copy()
+        self.actions.check_linear(name, entry.time, entry.q, entry.before, after)
         supplied, loss, of_work = (self.log.part(x)[k + 1 :] for x in ("supplied", "loss", "work"))
         others = 0.0
         for change in (supplied - loss + of_work).tolist():
             others += change
         self.log[k] = entry._replace(
-            work=entry.work + float(state[-1]) - work - others, after=state[self.nq : -1].copy()
+            work=entry.work + float(state[-1]) - work - others, after=after
         )
 
     # samples
 
     def collect(self) -> None:
         """Emit the samples in the core's block, and copy its log."""
-        self.log.add(self.core.take_log())
+        rows = self.core.take_log()
+        if not self.whole.nonlinear:
+            self.log.add(rows)
+            super().collect()
+            return
+        fault: Stop | None = None
+        for row in rows:
+            self.log.add(row[None])
+            e = self.log[-1]
+            try:
+                name = self.whole.constraints[e.which]
+                self.actions.check_linear(name, e.time, e.q, e.before, e.after)
+            except Stop as stop:
+                fault, self.last = stop, e.time
+                break
         super().collect()
+        if fault is not None:
+            raise fault
 
     def emit(self, rows: Array) -> None:
         """Emit samples."""
+        rows = rows[rows[:, 0] <= self.last]
         self.sink(Block.of_rows(rows, self.whole.sample_layout))
 
 
 #: Moves of coordinates below this part of the largest coordinate, by inertia, are not noted.
 _NOTICED = 1e-9
 _LISTED = 4
+#: Velocities satisfy a constraint to this part of its terms.
+_OFF = 1e-9
 
 
 class Actions:
@@ -563,6 +589,7 @@ class Actions:
             raise Stop(f"{rule.name}: the impulse is not defined at t = {t:.9g} s")
         after: Array = core.state
         (q, v), free = self._split(after), np.ones(self.nq, dtype=bool)
+        self.check_linear(rule.name, t, q, self._split(before)[1], v)
         change = v - self._split(before)[1]
         impulse += impulse_of(self.evaluator, t, q, v, change, self.base, free, push)
         self.fixed[1] = False
@@ -571,6 +598,17 @@ class Actions:
     def push(self, impulse: Array) -> int:
         """Apply a generalized impulse; return a status of the core."""
         return int(self.core.push(impulse))
+
+    def check_linear(self, at: str, t: float, q: Array, before: Array, after: Array) -> None:
+        """Stop if an impulse takes velocities off a constraint that is nonlinear in them."""
+        rows = sorted(set(self.system.nonlinear).intersection(self.base))
+        if not rows:
+            return
+        old, new = (self.evaluator.constraints(t, q, v) for v in (before, after))
+        change = np.abs(new.velocity(after) - old.velocity(before))
+        off = [k for k in rows if change[k] > _OFF * new.velocity_scale[k]]
+        if off:
+            raise nonlinear_impulse(t, [at], [self.system.constraints[k] for k in off])
 
     def _note(self, rule: EventRule, given: Array, q: Array) -> None:
         """Record the coordinates that an event has moved besides those that it sets."""

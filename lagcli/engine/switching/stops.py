@@ -72,6 +72,26 @@ def no_impact(t: float, contacts: Sequence[str]) -> Stop:
     )
 
 
+def nonlinear_impulse(t: float, at: Sequence[str], constraints: Sequence[str]) -> Stop:
+    """Return the end of a run at an impulse on constraints that are nonlinear in the velocities.
+
+    The direction of their reaction changes with the velocities, during the impulse.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    at : sequence of str
+        The event, or the contacts.
+    constraints : sequence of str
+    """
+    return Stop(
+        f"the reaction of {_listed(constraints)} to the impulse at {_listed(at)} at t = {t:.9g} s"
+        " is not determined, since it is nonlinear in the velocities; let a force act for a short"
+        " time in `Q`, or `set` velocities that satisfy it"
+    )
+
+
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
