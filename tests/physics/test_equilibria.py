@@ -620,3 +620,24 @@ initial: {{x: 2, x': 0, y: {{guess: 0}}, y': {{guess: 0}}}}
     # a triple root is found where the force is a rounding error, 1e-15 of its terms
     assert sorted(found) == pytest.approx(sorted(expected), abs=2e-4)
     assert [found[k] for k in sorted(found)] == [expected[k] for k in sorted(expected)]
+
+
+@pytest.mark.parametrize("x", [-0.8, 0.3, 0.6])
+def test_no_force_balances_constraints_that_depend_on_each_other(x: float) -> None:
+    """A bead on y = x²/2, given twice, held by a spring at its lowest point: λ = 0, ω² = k.
+
+    The λ of the iterations cancel each other, and are no forces.
+    """
+    model = lagcli.load_text(f"""\
+coordinates: [x, y]
+parameters: {{k: 3}}
+T: (x'^2 + y'^2)/2
+V: k/2*(x^2 + y^2)
+constraints: {{bowl: y = x^2/2, again: (2*y - x^2)*(1 + y^2) = 0}}
+initial: {{x: {x}, y: {{guess: 0}}, x': 0, y': {{guess: 0}}}}
+""")
+    (found,) = lagcli.equilibrium(model).equilibria
+    point = found.operating_point.point
+    np.testing.assert_allclose(np.concatenate([point.q, point.multipliers]), 0, atol=1e-12)
+    assert found.stability.verdict == "stable"
+    np.testing.assert_allclose(np.abs(found.stability.eigenvalues), np.sqrt(3), rtol=1e-9)

@@ -471,10 +471,12 @@ class SteadyProblem:
     def polished(self, residual: Residual) -> Residual | None:
         """Return the root found by damped Newton steps, with the least λ, or None."""
         root = self._newton(residual)
-        if root is None or self._strained(root):
+        if root is None:
+            return None
+        multipliers = self._without_rounding(self.multipliers(root), root)
+        if self._strained(root, multipliers):
             return None
         q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
-        multipliers = self._without_rounding(self.multipliers(root), root)
         return self.residual(q, multipliers, root.point.p, root.independent, root.speeds)
 
     def _without_rounding(self, multipliers: Array, root: Residual) -> Array:
@@ -483,11 +485,11 @@ class SteadyProblem:
         work = np.abs(root.dynamics.jacobian) * np.abs(multipliers)[:, None]
         return np.where((work > _ROUNDING * forces).any(axis=1), multipliers, 0.0)
 
-    def _strained(self, root: Residual) -> bool:
+    def _strained(self, root: Residual, multipliers: Array) -> bool:
         """Whether constraint forces are extremely large, as near singular configurations."""
         sizes, d, point = root.decomposition.sizes, root.dynamics, root.point
         applied = (np.abs(d.forcing) + np.abs(d.mass_matrix @ point.a)) * sizes
-        reaction = (np.abs(d.jacobian.T) @ np.abs(point.multipliers)) * sizes
+        reaction = (np.abs(d.jacobian.T) @ np.abs(multipliers)) * sizes
         largest = applied.max(initial=0.0)
         return bool(largest and reaction.max(initial=0.0) > _STRAINED * largest)
 
