@@ -641,3 +641,22 @@ initial: {{x: {x}, y: {{guess: 0}}, x': 0, y': {{guess: 0}}}}
     np.testing.assert_allclose(np.concatenate([point.q, point.multipliers]), 0, atol=1e-12)
     assert found.stability.verdict == "stable"
     np.testing.assert_allclose(np.abs(found.stability.eigenvalues), np.sqrt(3), rtol=1e-9)
+
+
+@pytest.mark.parametrize("k", [0.5, 2.0])
+def test_a_set_along_which_the_multiplier_varies_is_found(k: float) -> None:
+    """V = k/2 (x + y)² and x' + (1 + x - y) y' = 0: x = y = s/2 with λ = k s, and ω² = k s."""
+    model = lagcli.load_text(f"""\
+coordinates: [x, y]
+parameters: {{k: {k}}}
+T: (x'^2 + y'^2)/2
+V: k/2*(x + y)^2
+constraints: {{skate: x' + (1 + x - y)*y' = 0}}
+initial: {{x: 0.5, y: 0.4, x': {{guess: 0}}, y': {{guess: 0}}}}
+""")
+    (found,) = lagcli.equilibrium(model).equilibria
+    (x, y), (multiplier,) = found.operating_point.point.q, found.operating_point.point.multipliers
+    assert (found.dimension, found.stability.verdict) == (1, "linearly stable")
+    np.testing.assert_allclose([y, multiplier], [x, 2 * k * x], rtol=1e-12)
+    rates = np.unique(np.abs(found.stability.eigenvalues))
+    np.testing.assert_allclose(rates, [0, np.sqrt(2 * k * x)], atol=1e-9)

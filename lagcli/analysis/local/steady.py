@@ -573,22 +573,24 @@ class SteadyProblem:
         rows, columns = self.scales(residual, matrix)
         _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
         rank = int((s > RANK * s.max(initial=0.0)).sum())
-        null = vt[rank:, : self.nq].T  # scaled; redundant multipliers do not affect q
-        u, s, _ = np.linalg.svd(null, full_matrices=False)
-        lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(residual, columns, x)]
+        null = vt[rank:].T  # scaled; redundant multipliers do not affect q
+        _, s, mixed = np.linalg.svd(null[: self.nq], full_matrices=False)
+        whole = [null @ (x / size) for x, size in zip(mixed, s, strict=True) if size > 1e-6]
+        lasting = [x[: self.nq] for x in whole if self._leads_to_others(residual, columns, x)]
         return np.asarray(columns[: self.nq, None] * np.array(lasting).reshape(-1, self.nq).T)
 
     def _leads_to_others(self, residual: Residual, columns: Array, direction: Array) -> bool:
-        """Whether there are other roots near a root in a scaled direction."""
-        sizes, point = columns[: self.nq], residual.point
-        step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
-        beside = point.q + step * sizes * direction
-        root = self._newton(
-            self.residual(beside, point.multipliers, point.p, residual.independent, residual.speeds)
-        )
+        """Whether there are other roots near a root in a scaled direction of all unknowns.
+
+        With the λ of the root, Newton steps of least norm could lead back to it.
+        """
+        nq, sizes = self.nq, columns[: self.nq]
+        step = _BESIDE / np.abs(sizes * direction[:nq] / self.local.lengths).max()
+        root = self._newton(self.moved(residual, step * columns * direction))
         if root is None:
             return False
-        return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
+        along = direction[:nq] @ ((root.point.q - residual.point.q) / sizes)
+        return bool(along > step / 2)
 
     def rounding(self, residual: Residual) -> float:
         """Return the largest residual beside a root, relative to its terms, that is rounding."""
