@@ -138,6 +138,10 @@ class Syntax(NamedTuple):
         """Return an expression as text."""
         return self._write(expression)[0]
 
+    def term(self, expression: Expression) -> str:
+        """Return an expression as text that other terms may follow."""
+        return self._within(expression, _SUM)
+
     def _write(self, e: Expression) -> tuple[str, int]:
         """Return the text of an expression, and how tightly it binds."""
         if isinstance(e, Variable):

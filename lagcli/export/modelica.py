@@ -166,8 +166,8 @@ class _ModelicaText:
             self.mass[i - 1, j - 1] = known or self.variable(f"M_{i}_{j}", x)
         for i, j, x in writer.matrix(system.jacobian_pattern, parts["jacobian"]):
             self.rows[i - 1][j - 1] = self.variable(f"B_{i}_{j}", x)
-        self.forcing = writer.vector(parts["forcing"])
-        self.rhs = writer.vector(parts["rhs"])
+        self.forcing = [writer.syntax.term(x) for x in parts["forcing"]]
+        self.rhs = [writer.syntax.term(x) for x in parts["rhs"]]
 
     def motion(self) -> None:
         """Add the equations of motion."""

@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exported import compiled, module, pointers
+from modelica import ModelicaModel
 from random_cases import FUZZ_COUNT
 from random_models import RandomModel
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.errors import LagcliError
+from lagcli.errors import LagcliError, UsageError
 from lagcli.export.c import write_c
 from lagcli.export.content import Content, content_of
+from lagcli.export.modelica import write_modelica
 from lagcli.export.python import write_casadi, write_numpy
 
 #: Beyond this, rounding makes two solutions of the same equations differ.
@@ -58,6 +60,10 @@ def check(seed: int, content: Content, folder: Path) -> None:
         casadi_solution = module(write_casadi(content), name).dynamics()
     except ImportError:
         casadi_solution = None
+    try:
+        modelica = ModelicaModel(write_modelica(content))
+    except UsageError:  # no erf
+        modelica = None
     counts, state = content.system.counts, content.start.state
     p = np.array(state.p)
     for _ in range(3):
@@ -92,6 +98,11 @@ def check(seed: int, content: Content, folder: Path) -> None:
         if casadi_solution is not None:
             for own, found in zip(solution, casadi_solution(t, q, v, p), strict=True):
                 assert differ(found, own) < TOLERANCE, seed
+        if modelica is not None:
+            motion = dict(zip(modelica.start, [*q, *v], strict=True))
+            found = modelica.solution(float(t), motion, {"stabilization": 0.0})
+            rates = [found[f"der({x})"] for x in modelica.start]
+            assert differ(rates, [*v, *solution[0]]) < TOLERANCE, seed
         out = python.outputs(t, q, v, *solution, p)
         own = ScalarTape(content.report)([t, *q, *v, *solution[0], *solution[1], *p])
         assert differ(out, own) < 1e-12, seed
