@@ -106,7 +106,7 @@ def write_c(content: Content) -> str:
         end=number(settings.t_end),
         samples=str(max(2, settings.sample_count)),
     )
-    lines = [" * " + line.replace("*/", "* /") for line in head]
+    lines = [" * " + line.replace("*/", "* /").replace("/*", "/ *") for line in head]
     return "\n".join(["/*", *(line.rstrip() for line in lines), " */", text])
 
 

@@ -198,7 +198,7 @@ class Content:
         """
         model = self.model
         lines = [
-            f"{model.title}: Lagrange's equations of the first kind.",
+            f"{line_of(model.title)}: Lagrange's equations of the first kind.",
             "",
             f"Written by lagcli {__version__} from the model {model.name}, SHA-256",
             f"{model.sha256}.",
@@ -234,7 +234,7 @@ class Content:
         for array, name, unit, text in rows:
             place = counts.setdefault(array, 0)
             counts[array] += 1
-            what = f"  {text}" if text else ""
+            what = f"  {line_of(text)}" if text else ""
             own = entry.format(array, place + first)
             lines.append(f"  {own:<11} {name:<{width}}  [{unit or '?'}]{what}")
         return [line.rstrip() for line in lines]
@@ -315,6 +315,11 @@ def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
             basis.append(rest / size)
             kept.append(i)
     return tuple(sorted(kept))
+
+
+def line_of(text: str) -> str:
+    """Return a text in one line: a comment of most languages ends with its line."""
+    return " ".join(text.split())
 
 
 def wrapped(text: str) -> list[str]:

@@ -407,6 +407,7 @@ def _solve_dense(mass: Array, force: Array, jacobian: Array, rhs: Array) -> tupl
     # rows of B are scaled to the magnitude of M, so that pivots are comparable
     length = np.sqrt((jacobian**2).sum(axis=2))
     largest = mass.max(axis=(1, 2)) if nq else np.ones(n)
+    largest = np.where(largest > 0, largest, 1.0)
     with np.errstate(all="ignore"):
         weight = np.where(length > 0, largest[:, None] / length, 1.0)[..., None]
     matrix = np.zeros((n, nq + nc, nq + nc))

@@ -199,6 +199,10 @@ def _helper(op: Op) -> str:
     return f"bounded_{op.name.lower()}" if rounded else ""
 
 
+#: The names that functions of code can have.
+HELPERS = frozenset(filter(None, map(_helper, Op)))
+
+
 class Helper(NamedTuple):
     """A function that code defines.
 

@@ -11,6 +11,7 @@ from lagcli.export.content import Content
 from lagcli.export.expressions import Syntax, helpers
 from lagcli.export.names import Identifiers, words
 from lagcli.export.sections import CodeSection, CodeWriter
+from lagcli.functions import Domain
 
 _RESERVED = words(
     "break case catch classdef continue else elseif end for function global if otherwise parfor"
@@ -19,6 +20,7 @@ _RESERVED = words(
     " gamma position velocity out model S equations residuals outputs dynamics slopes derivatives"
     " solve simulate piece ifelse clipped abs sqrt exp log sin cos tan asin acos atan atan2 sinh"
     " cosh tanh asinh acosh atanh floor ceil power erf erfc zeros"
+    " real_sqrt real_log real_power real_asin real_acos real_acosh real_atanh"
 )
 
 
@@ -29,9 +31,22 @@ def number(value: float) -> str:
     return "NaN" if math.isnan(value) else "Inf" if value > 0 else "-Inf"
 
 
+def _is_partial(op: Op) -> bool:
+    """Return whether MATLAB gives complex numbers where an operation has no real value."""
+    return op is Op.POW or (op.function is not None and op.function.domain != Domain())
+
+
+def _built_in(op: Op) -> str:
+    return "power" if op is Op.POW else op.name.lower()
+
+
+def _function(op: Op) -> str:
+    return f"real_{_built_in(op)}" if _is_partial(op) else _built_in(op)
+
+
 _SYNTAX = Syntax(
     "ifelse({0}, {1}, {2})",
-    lambda op: "power" if op is Op.POW else op.name.lower(),
+    _function,
     {Op.AND: "({0} && {1})", Op.OR: "({0} || {1})", Op.NOT: "~({0})"},
     number,
     {Op.NE: "{0} ~= {1}"},
@@ -165,6 +180,18 @@ def _slopes(writer: CodeWriter) -> list[str]:
 def _helpers(writer: CodeWriter) -> list[str]:
     """Return the functions that MATLAB lacks, and the tables."""
     lines = []
+    for op in filter(_is_partial, sorted(writer.sections.used)):
+        arguments = ", ".join("xy"[: op.arity])
+        lines += [
+            "",
+            f"function out = {_function(op)}({arguments})",
+            f"  % {_built_in(op)}, NaN where it has no real value",
+            f"  out = {_built_in(op)}({arguments});",
+            "  if ~isreal(out)",
+            "    out = NaN;",
+            "  end",
+            "end",
+        ]
     for helper in helpers(writer.sections.used, writer.syntax):
         lines += [
             "",

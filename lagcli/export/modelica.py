@@ -248,6 +248,7 @@ class _ModelicaText:
                 knots=", ".join(map(number, f.knots)),
                 pieces=", ".join(f"{{{', '.join(map(number, [x, *row]))}}}" for x, row in rows),
                 slack=repr(RESOLUTION),
+                size_of_time="max(abs(x), abs(x - knots[1]))" if f.period else "abs(x)",
                 first=number(f.first),
                 last=number(f.last),
                 shift=f"floor((x + slack - knots[1])/{number(f.period)})*{number(f.period)}"

@@ -44,7 +44,11 @@ _ARC = {
     "pow": "power",
 }
 _WORDS = {Op.AND: "({0} and {1})", Op.OR: "({0} or {1})", Op.NOT: "(not {0})"}
-_BITS = {Op.AND: "(({0}) & ({1}))", Op.OR: "(({0}) | ({1}))", Op.NOT: "~({0})"}
+_ARRAYS = {
+    Op.AND: "(({0}) & ({1}))",
+    Op.OR: "(({0}) | ({1}))",
+    Op.NOT: "jnp.logical_not({0})",
+}
 _CALLS = {
     Op.AND: "ca.logic_and({0}, {1})",
     Op.OR: "ca.logic_or({0}, {1})",
@@ -103,7 +107,7 @@ NUMPY = Dialect(
 )
 JAX = Dialect(
     "jax",
-    _syntax("jnp", "jnp.where({0}, {1}, {2})", _BITS, {**_ARC, **_JAX_ERF}, False),
+    _syntax("jnp", "jnp.where({0}, {1}, {2})", _ARRAYS, {**_ARC, **_JAX_ERF}, False),
     "jnp.zeros(({0}, {1}))",
     "jnp.array([{0}])",
     "    return a, mu",

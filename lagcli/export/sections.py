@@ -8,6 +8,7 @@ from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.export.content import Content
 from lagcli.export.expressions import (
+    HELPERS,
     AppliedOperation,
     Assignments,
     Expression,
@@ -95,6 +96,12 @@ class Sections(NamedTuple):
         return frozenset(number for section in self.written for _, number in section.pieces)
 
 
+def _own(content: Content) -> set[str]:
+    """Return names that code has for tables and for functions that languages lack."""
+    forms = ("table_{}", "TABLE_{}", "table_{}_knots", "table_{}_pieces")
+    return {*HELPERS, *(x.format(i) for x in forms for i in range(len(content.functions)))}
+
+
 class CodeWriter:
     """Writes the functions of a model in a language.
 
@@ -122,8 +129,8 @@ class CodeWriter:
         differentiates: bool = False,
     ):
         self.content, self.syntax, self.entry, self.first = content, syntax, entry, first
-        names = Identifiers({"t", "q", "v", "p", "a", "multipliers", *reserved})
         system = content.system
+        names = Identifiers({"t", "q", "v", "p", "a", "multipliers", *reserved, *_own(content)})
         self.q = [names.of(name) for name in system.coordinates]
         self.p = [names.of(name) for name in system.parameters]
         self.v = [names.of(f"{name}'") for name in system.coordinates]

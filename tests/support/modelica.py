@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.export.names import words
+
 Tree = Any  # a number, or a tuple of a kind and its parts
 Values = dict[str, Any]
 
@@ -22,14 +24,15 @@ _TOKEN = re.compile(
     r"(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
     r'|(?P<text>"(?:\\.|[^"\\])*")|(?P<sign>:=|<=|>=|[-+*/^()\[\]{},;:=<>]))'
 )
-_KEYWORDS = frozenset(
+_KEYWORDS = words(
     "algorithm and annotation constant else end equation function if input loop model not or output"
-    " parameter protected then while Real Integer".split()
+    " parameter protected then while Real Integer"
 )
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{x: getattr(math, x) for x in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{x: getattr(math, x) for x in ("sinh", "cosh", "tanh", "exp", "log", "sqrt")},
     "abs": abs,
+    "max": max,
     "floor": lambda x: float(math.floor(x)),
     "ceil": lambda x: float(math.ceil(x)),
     "div": lambda a, b: int(a / b),

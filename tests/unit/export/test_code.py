@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import subprocess
 from ctypes import c_double
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from exported import Point, close, compiled, exported, module, pointers, points
+from modelica import ModelicaModel
 from shipped import PATHS, every_model
 
 import lagcli
@@ -368,3 +370,165 @@ simulation: {{t_end: 1, method: {method}}}
     for export in (*exports, partial(lagcli.fmu, model), partial(lagcli.dynamics, model)):
         with pytest.raises(NumericalError, match=r"the start is a singular configuration: .*`bar`"):
             export()
+
+
+LANGUAGES = ("python", "casadi", "jax")
+#: A table whose rows begin at t = 0.05 and 0.6, apart from rounding errors of its periods.
+PERIODIC = """
+name: periodic
+coordinates: [x]
+inputs:
+  u: {times: [-2.7, -2.15, -1.6], values: [1, 2, 1], interpolation: step, extend: periodic}
+T: x'^2/2
+Q: {x: u}
+initial: {x: 0, x': 0}
+simulation: {t_end: 0.5}
+"""
+
+
+@pytest.mark.parametrize("to", LANGUAGES)
+def test_rows_of_a_periodic_table_hold_from_their_time_on(to: str) -> None:
+    if to != "python":
+        pytest.importorskip(to)
+    own = module(code(lagcli.load_text(PERIODIC), to), "own")
+    solution = own.dynamics() if to == "casadi" else own.dynamics
+    state = np.zeros(1), np.zeros(1), np.zeros(0)
+    for t, value in ((0.0, 1.0), (0.05, 2.0), (0.3, 2.0), (0.6, 1.0)):
+        assert float(solution(t, *state)[0][0]) == value
+
+
+@NEEDS_CC
+def test_rows_of_a_periodic_table_hold_from_their_time_on_in_c(tmp_path: Path) -> None:
+    library = compiled(code(lagcli.load_text(PERIODIC), "c"), tmp_path)
+    a, none = np.zeros(1), np.zeros(1)
+    for t, value in ((0.0, 1.0), (0.05, 2.0), (0.3, 2.0), (0.6, 1.0)):
+        state = [c_double(t), *pointers(none, none, none)]
+        assert library.periodic_dynamics(*state, *pointers(a, none)) == 0
+        assert a[0] == value
+
+
+@pytest.mark.parametrize("to", LANGUAGES)
+def test_models_without_inertia_are_solved(to: str) -> None:
+    """M = 0: c x' = −k x, so that c x'' = −k x'."""
+    if to != "python":
+        pytest.importorskip(to)
+    model = lagcli.load_text(
+        "coordinates: [x]\nparameters: {k: 2, c: 3}\nT: 0\nV: k/2*x^2\nD: c/2*x'^2\n"
+        "initial: {x: 1, x': {guess: 0}}\nsimulation: {t_end: 0.1}\n"
+    )
+    own, q, v = module(code(model, to), "own"), np.array([1.0]), np.array([-2 / 3])
+    solution = own.dynamics() if to == "casadi" else own.dynamics
+    a, multipliers = solution(0.0, q, v, np.array([2.0, 3.0]))
+    assert close(a, [4 / 9])
+    assert close(multipliers, [0.0])
+    slopes = lagcli.dynamics(model).derivatives(0.0, q, v)
+    assert close(slopes.a_v, [[-2 / 3]])
+
+
+@NEEDS_CC
+def test_texts_of_several_lines_stay_in_comments(tmp_path: Path) -> None:
+    title = "Two lines\nx = 1; */ /* \\"
+    text = (
+        f"name: own\ntitle: {json.dumps(title)}\n"
+        f"coordinates: {{x: {{description: {json.dumps(title)}}}}}\n"
+        f"parameters: {{m: {{value: 1, description: {json.dumps(title)}}}}}\n"
+        "T: m*x'^2/2\ninitial: {x: 0, x': 0}\nsimulation: {t_end: 0.1}\n"
+    )
+    model = lagcli.load_text(text)
+    for to in ("python", "casadi", "jax"):
+        compile(code(model, to), "own.py", "exec")
+    compiled(code(model, "c"), tmp_path)
+    assert [*ModelicaModel(code(model, "modelica")).parameters] == ["stabilization", "m"]
+    matlab = code(model, "matlab").splitlines()
+    head = matlab[1 : matlab.index("  model.coordinates = {'x'};")]
+    assert all(line.startswith("%") for line in head)
+
+
+@NEEDS_CC
+def test_names_of_helpers_and_tables_may_be_names_of_a_model(tmp_path: Path) -> None:
+    names = ["bounded_acos", "bounded_asin", "clipped", "table_0", "TABLE_0", "table_0_pieces"]
+    values = ", ".join(f"{name}: {i + 1}" for i, name in enumerate(names))
+    model = lagcli.load_text(
+        f"name: own\ncoordinates: [x]\nparameters: {{{values}}}\n"
+        "inputs: {u: {times: [0, 1], values: [1, 2], interpolation: cubic, extend: hold}}\n"
+        f"T: x'^2/2\nQ: {{x: u*acos(x/2) + asin(x/3) + sqrt(1 - x) + {' + '.join(names)}}}\n"
+        "initial: {x: 0.2, x': 0}\nsimulation: {t_end: 0.1}\n"
+    )
+    f = lagcli.dynamics(model)
+    t, q, v = 0.6, np.array([0.3]), np.zeros(1)
+    expected = f(t, q, v).a
+    own = module(code(model, "python"), "own")
+    assert close(own.dynamics(np.float64(t), q, v, f.p)[0], expected)
+    library, a = compiled(code(model, "c"), tmp_path), np.zeros(1)
+    state = [c_double(t), *pointers(q, v, f.p)]
+    assert library.own_dynamics(*state, *pointers(a, np.zeros(1))) == 0
+    assert close(a, expected)
+    modelica = ModelicaModel(code(model, "modelica"))
+    found = modelica.solution(t, dict(zip(modelica.start, [0.3, 0.0], strict=True)), {})
+    assert close(found["der(x_dot)"], expected)
+
+
+NEEDS_OCTAVE = pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
+
+
+def octave(text: str, *lines: str, folder: Path) -> list[np.ndarray]:
+    """Return the numbers that lines print after `m` is the model of a text."""
+    name = text[: text.index("(")].rpartition(" ")[2]
+    (folder / f"{name}.m").write_text(text, "utf-8")
+    (folder / "drive.m").write_text("\n".join([f"m = {name}();", *lines]), "utf-8")
+    command = ["octave", "--no-gui", "--quiet", "drive.m"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    return [np.array(line.split(), dtype=float) for line in done.stdout.splitlines()]
+
+
+PARTIAL = """
+name: partial
+coordinates: [x]
+parameters: {n: 0.5}
+T: x'^2/2
+V: x^2
+initial: {x: 0.5, x': 0}
+outputs:
+  a: acos(x)^2
+  b: asin(x)^2
+  c: log(-x)^2
+  d: (sqrt(-x) - 1)^2*(sqrt(-x) + 1)^2
+  e: ((-x)^n - 1)^2*((-x)^n + 1)^2
+  f: acosh(-x)^2
+  g: atanh(2*x)^2
+  h: if(x > 0, x, sqrt(x))
+simulation: {t_end: 0.1, samples: 2}
+"""
+
+
+@NEEDS_OCTAVE
+def test_values_that_are_not_real_are_undefined_in_octave(tmp_path: Path) -> None:
+    """MATLAB computes on with complex numbers, whose squares are real."""
+    model = lagcli.load_text(PARTIAL)
+    line = "printf('%.17g ', m.outputs(0, 2, 0, 0, [], m.p)(6:13)); disp('');"
+    [found] = octave(code(model, "matlab"), line, folder=tmp_path)
+    outputs = lagcli.dynamics(model).outputs(0.0, np.array([2.0]), np.zeros(1))
+    expected = [float(outputs[name]) for name in model.outputs]
+    assert np.array_equal(found, expected, equal_nan=True)
+    assert np.isnan(expected[:7]).all()
+
+
+@NEEDS_OCTAVE
+def test_octave_simulates_to_the_last_of_two_times(tmp_path: Path) -> None:
+    """Of two times, `ode45` returns all steps that it takes."""
+    run = lagcli.simulate(exported("slider_crank").model, samples=2, t_end=0.3)
+    lines = [
+        "[q, v, a, l, o] = m.simulate([0 0.3], m.q, m.v, m.p);",
+        "disp(size(q)); disp(size(v)); printf('%.17g ', [q(2, :) v(2, :) a(2, :) l(2)]);",
+    ]
+    found = octave(write_matlab(exported("slider_crank")), *lines, folder=tmp_path)
+    assert [*map(list, found[:2])] == [[2, 2], [2, 2]]
+    expected = np.concatenate([x[-1] for x in (run.q, run.v, run.a, run.multipliers)])
+    assert np.abs(found[2] - expected).max() <= 1e-5 * np.abs(expected).max()
+
+
+def test_times_that_do_not_increase_are_refused() -> None:
+    own = module(write_numpy(exported("slider_crank")), "crank")
+    for times in ([0.0, 0.2, 0.1], [0.3, 0.0], [0.0, 0.0, 0.1]):
+        with pytest.raises(ValueError, match="must increase"):
+            own.simulate(times)
