@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import symengine as se
 from symengine import Basic
+from symengine.lib.symengine_wrapper import Boolean
 
 from lagcli.equations.presentation.formulas import Formulas, Signs
 from lagcli.equations.typesetting.nodes import Entry, Line, Node, Sign, Step, Symbol, symbols_in
@@ -67,7 +68,12 @@ def abbreviate(
         if definition is not None and definition not in named:
             named[definition] = value
             replaced[symbol] = se.Symbol(definition)
-        elif uses[symbol] < 2 or _short(value) or (uses[symbol] < 4 and _pair(value)):
+        elif (
+            isinstance(value, Boolean)
+            or uses[symbol] < 2
+            or _short(value)
+            or (uses[symbol] < 4 and _pair(value))
+        ):
             replaced[symbol] = value
         else:
             count += 1
@@ -79,7 +85,13 @@ def abbreviate(
 
 def _replaced(expression: Basic, values: Mapping[Basic, Basic]) -> Basic:
     """Substitute values for the symbols that occur; SymEngine copies the whole mapping."""
-    return expression.xreplace({s: values[s] for s in expression.free_symbols if s in values})
+    known = (s for s in expression.free_symbols if s in values)
+    return expression.xreplace({_place(s, values[s]): values[s] for s in known})
+
+
+def _place(symbol: Basic, value: Basic) -> Basic:
+    """Return what stands for a value: its symbol, or of a condition ``symbol == true``."""
+    return se.Eq(symbol, se.true) if isinstance(value, Boolean) else symbol
 
 
 def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbreviations:

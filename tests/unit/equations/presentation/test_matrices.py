@@ -121,6 +121,24 @@ def test_abbreviations_keep_the_names_of_definitions_and_avoid_names_of_the_mode
         assert se.expand(short.xreplace(values) - wanted) == 0
 
 
+def test_conditions_have_no_names() -> None:
+    """SymEngine makes symbols of those that are used twice."""
+    x, y = se.symbols("x y")
+    small = se.And(x < y, x > 2 * y)
+    given = [
+        se.Piecewise((se.sin(x) * y, x < y), (y * sign, se.true)) + se.sin(x * y) ** k
+        for k, sign in enumerate((1, 2, 3, 4, 5))
+    ]
+    given += [se.Piecewise((x**k, small), (se.sin(x * y), se.true)) for k in range(1, 6)]
+    found = abbreviate(given, ("x", "y"))
+    assert "sin(x*y)" in map(str, found.named.values())
+    assert not any("True ==" in str(e) or "== True" in str(e) for e in found.expressions)
+    values: dict[se.Basic, se.Basic] = {}
+    for name, value in found.named.items():
+        values[se.Symbol(name)] = value.xreplace(values)
+    assert [e.xreplace(values) for e in found.expressions] == given
+
+
 @pytest.mark.parametrize("name", ["bennett", pytest.param("armx5", marks=pytest.mark.slow)])
 def test_no_abbreviation_is_used_once(name: str) -> None:
     equations = system(FOUND / f"{name}.yaml")
