@@ -203,7 +203,7 @@ class RunFile:
         if not display:
             return None
         declared = (*self.coordinates, *self.record.parameters, *display.get("definitions", ()))
-        return Notation.of_names(declared, len(self.constraints), display.get("latex", {}))
+        return Notation.of_names(declared, self.constraints, display.get("latex", {}))
 
     @property
     def values(self) -> dict[str, float]:

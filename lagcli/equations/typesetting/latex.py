@@ -132,8 +132,10 @@ class LatexFormula(DisplayWriter):
         name, arguments = node.function, node.arguments
         spelling = spelling_of(name)
         if spelling.latex_fences is not None:
-            opening, closing = spelling.latex_fences
-            return [opening, self.latex(arguments[0]), closing]
+            (opening, closing), inner = spelling.latex_fences, self.latex(arguments[0])
+            if opening in inner:
+                opening, closing = rf"\bigl{opening}", rf" \bigr{closing.lstrip()}"
+            return [opening, inner, closing]
         if name in ("dot", "cross"):
             sign = r" \cdot " if name == "dot" else r" \times "
             left, right = ("".join(map(_text, self._tight(a, depth))) for a in arguments)

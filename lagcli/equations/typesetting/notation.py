@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from html import escape
 from typing import TYPE_CHECKING, Self
@@ -195,18 +196,20 @@ class Notation:
     def __init__(self, model: Model):
         declared = [*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs]
         latex = {c.name: c.latex for c in model.coordinates if c.latex}
-        self._declare(declared, len(model.constraints), latex)
+        self._declare(declared, model.constraint_names, latex)
 
     @classmethod
-    def of_names(cls, declared: Sequence[str], constraints: int, latex: Mapping[str, str]) -> Self:
+    def of_names(
+        cls, declared: Sequence[str], constraints: Sequence[str], latex: Mapping[str, str]
+    ) -> Self:
         """Return the notation of a model that is known by its names alone.
 
         Parameters
         ----------
         declared : sequence of str
             Names of coordinates, parameters, definitions and inputs.
-        constraints : int
-            Number of constraints.
+        constraints : sequence of str
+            Names of the constraints.
         latex : mapping of str to str
             The declared LaTeX of coordinates.
         """
@@ -214,14 +217,20 @@ class Notation:
         notation._declare(declared, constraints, latex)
         return notation
 
-    def _declare(self, declared: Sequence[str], constraints: int, latex: Mapping[str, str]) -> None:
-        self._text = _distinct({name: _text(name) for name in declared})
-        self._latex = _distinct({name: _latex(name) for name in declared})
-        self._mathml = _distinct({name: _mathml(name) for name in declared})
+    def _declare(
+        self, declared: Sequence[str], constraints: Sequence[str], latex: Mapping[str, str]
+    ) -> None:
+        looks = {name: "".join(_text(name)) for name in declared}
+        self._single = len(constraints) == 1 and "λ" not in looks.values()
+        multipliers = {self.multiplier(name) for name in constraints}
+        raw = {name for name, look in looks.items() if look in multipliers}
+        self._text, self._latex, self._mathml = (
+            _distinct({name: look(name) for name in declared}, raw)
+            for look in (_text, _latex, _mathml)
+        )
         self._own = _valid_latex(latex)
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
-        self._single = constraints == 1 and "lambda" not in self.declared
 
     def text(self, name: str, dots: int = 0) -> str:
         """Return a name with dots: x_A' as ẋ_A."""
@@ -237,6 +246,8 @@ class Notation:
             own = self._own[name]
             return f"{macro}{{{own}}}" if dots else own
         letter, subscript = self._latex.get(name) or _latex(name)
+        if letter == name and not (name.isascii() and len(name) == 1):  # raw
+            letter = rf"\mathit{{{latex_ascii(name)}}}"
         return (f"{macro}{{{letter}}}" if dots else letter) + subscript
 
     def multiplier(self, constraint: str) -> str:
@@ -298,12 +309,20 @@ def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
     return list(warnings.values())
 
 
-def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
-    """Drop notations that two names share; such names are written raw."""
-    count: dict[tuple[str, str], int] = {}
-    for look in looks.values():
-        count[look] = count.get(look, 0) + 1
-    return {name: look if count[look] == 1 else (name, "") for name, look in looks.items()}
+#: Greek letters that look like Latin ones.
+_ALIKE = str.maketrans("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧο", "ABEZHIKMNOPTYXo")
+
+
+def _distinct(
+    looks: dict[str, tuple[str, str]], raw: Collection[str]
+) -> dict[str, tuple[str, str]]:
+    """Drop notations that two names share; such names are written raw, and so are others."""
+    seen = {name: "".join(look).translate(_ALIKE) for name, look in looks.items()}
+    count = Counter(seen.values())
+    return {
+        name: look if count[seen[name]] == 1 and name not in raw else (name, "")
+        for name, look in looks.items()
+    }
 
 
 def _text(name: str) -> tuple[str, str]:

@@ -144,7 +144,9 @@ class TextFormula(FormulaWriter):
 
     def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         if node.function == "abs":
-            return ["|", *self.tokens(node.arguments[0], depth + 1), "|"]
+            inner = self.tokens(node.arguments[0], depth + 1)
+            if "|" not in "".join(x for x in inner if isinstance(x, str)):  # |a |b| − c|
+                return ["|", *inner, "|"]
         if node.function == "dot":
             left, right = (self._tight(a, depth) for a in node.arguments)
             return [*left, " · ", *right]

@@ -140,7 +140,7 @@ def _notation(facts: Mapping[str, Any]) -> Notation | None:
     if not display:
         return None
     declared = (*display["coordinates"], *facts["parameters"], *display["definitions"])
-    return Notation.of_names(declared, len(display["constraints"]), display["latex"])
+    return Notation.of_names(declared, display["constraints"], display["latex"])
 
 
 def _quantity(

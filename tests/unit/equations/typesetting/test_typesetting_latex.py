@@ -161,6 +161,10 @@ def test_every_sign_is_escaped(char):
     [
         (t.Root(t.Symbol("x"), 3), r"\sqrt[3]{x}"),
         (t.Call("abs", (t.Symbol("x"),)), r"\lvert x \rvert"),
+        (
+            t.Call("abs", (t.Product((t.Symbol("m"), t.Call("abs", (t.Symbol("x"),)))),)),
+            r"\bigl\lvert m \lvert x \rvert \bigr\rvert",
+        ),
         (t.Call("atan2", (t.Symbol("y"), t.Symbol("x"))), r"\operatorname{atan2}(y, x)"),
         (t.Call("exp", (t.Sum(((-1, t.Symbol("x")),)),)), r"\mathrm{e}^{-x}"),
         (

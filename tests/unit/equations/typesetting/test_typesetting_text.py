@@ -51,6 +51,35 @@ def test_names_that_would_look_the_same_are_written_raw():
     assert [names.text(n) for n in ("y1", "y_1", "x")] == ["y1", "y_1", "x"]
 
 
+def test_names_that_would_look_like_latin_letters_or_multipliers_are_written_raw():
+    two = {"constraints": "  rod: x = 2*y\n  bar: y = 0"}
+    parameters = "lambda_rod lambda_x Nu N Beta λ"
+    names = Notation(model_of("x y", "x'^2 + y'^2", parameters=parameters, **two).model)
+    shown = {name: names.text(name) for name in parameters.split()}
+    assert shown == {
+        "lambda_rod": "lambda_rod",
+        "lambda_x": "λ_x",
+        "Nu": "Nu",
+        "N": "N",
+        "Beta": "Β",
+        "λ": "λ",
+    }
+    assert names.multiplier("rod") == "λ_rod"
+    assert names.latex("lambda_rod") == r"\mathit{lambda\_rod}"
+    assert names.latex("Nu", 1) == r"\dot{\mathit{Nu}}"
+    assert names.mathml("lambda_rod")[1] == ""
+    one = {"constraints": "  rod: x = 2*y"}
+    alone = Notation(model_of("x y", "x'^2 + y'^2", parameters="λ", **one).model)
+    assert alone.multiplier("rod") == "λ_rod"
+
+
+def test_magnitudes_within_a_magnitude_have_a_name():
+    """|a |b| − c| would be read as |a| b |−c|."""
+    equations = model_of("x", "m/2*x'^2", "abs(m*abs(x) - l)")
+    formula = TextFormula(Notation(equations.model), written_decimals(equations.model))
+    assert formula.text(Arranger(equations.model).arrange(equations.potential)) == "abs(m |x| − l)"
+
+
 def test_marks_take_no_columns():
     assert display_width("φ̈ + ẋ") == 5
     assert display_width("曲柄") == 4
