@@ -171,3 +171,11 @@ def test_any_state_may_be_asked_about(x: float, clause: str) -> None:
     found = undefined_expression(equations, state)
     assert clause in found.clause
     assert found.with_line.endswith("of the model)")
+
+
+def test_known_functions_of_time_have_values_there() -> None:
+    inputs = "inputs: {u: {times: [0, 1], values: [1, 2], interpolation: cubic, extend: hold}}\n"
+    found = problem("T: m/2*(x'^2 + y'^2)\nV: u*log(x)\n", head=HEAD + inputs)
+    assert marked(found) == "log(x)"
+    found = problem("T: m/2*(x'^2 + y'^2)\nV: y*log(u - 1)\n", head=HEAD + inputs)
+    assert marked(found) == "log(u - 1)"
