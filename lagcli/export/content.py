@@ -23,7 +23,9 @@ from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import NumericalError, UsageError
+from lagcli.model.expression.trees import Name, walk
 from lagcli.model.model import Model
+from lagcli.model.values import dependent_values
 from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
@@ -214,6 +216,12 @@ class Content:
                 " others. lambda is the solution of least norm."
             )
             lines += ["", *wrapped(text)]
+        if computed := _computed(model):
+            text = (
+                "The model computes these parameters from others; here they keep their values when"
+                f" the others change: {', '.join(computed)}."
+            )
+            lines += ["", *wrapped(text)]
         if not entry:
             return lines
         return [*lines, "", "Quantities, in SI units:", "", *self._table(entry, first)]
@@ -315,6 +323,18 @@ def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
             basis.append(rest / size)
             kept.append(i)
     return tuple(sorted(kept))
+
+
+def _computed(model: Model) -> list[str]:
+    """Return the parameters that the model computes from others which can be changed."""
+    given = [
+        p.name
+        for p in model.parameters.values()
+        if p.written is None or not any(isinstance(x, Name) for x in walk(p.written.tree))
+    ]
+    varied = [name for name in given if not model.parameters[name].structural]
+    found = dependent_values(model, varied)
+    return [name for name in model.parameters if name in found and name not in varied]
 
 
 def line_of(text: str) -> str:

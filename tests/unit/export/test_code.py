@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 import subprocess
 from ctypes import c_double
@@ -532,3 +533,16 @@ def test_times_that_do_not_increase_are_refused() -> None:
     for times in ([0.0, 0.2, 0.1], [0.3, 0.0], [0.0, 0.0, 0.1]):
         with pytest.raises(ValueError, match="must increase"):
             own.simulate(times)
+
+
+def test_parameters_that_the_model_computes_are_named() -> None:
+    model = lagcli.load_text(
+        "coordinates: [x[1..N]]\n"
+        "parameters: {N: 2, m: 2, k: 3*m, c: 2*pi, J: k + 1, 'e[i = 1..2]': i*2, L: 3*N}\n"
+        "T: sum(m*x[i]'^2, i = 1..N)\nV: k*x[1]^2\ninitial: {x[1..N]: 0, x[1..N]': 0}\n"
+        "simulation: {t_end: 0.1}\n"
+    )
+    for to in ("c", "python", "matlab", "modelica"):
+        text = re.sub(r"\n[ */%]*", " ", code(model, to))
+        assert "keep their values when the others change: k, J." in text
+    assert "computes these" not in code(lagcli.load("slider_crank"), "c")
