@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -115,7 +116,8 @@ def format_of(to: str | None, path: str | None) -> ExportFormat:
     Raises
     ------
     UsageError
-        There is no such format; the suffix is unknown, or that of another format.
+        There is no such format; the suffix is unknown, or that of another format; MATLAB does not
+        find a file of this name.
     """
     suffix = "" if path is None else os.path.splitext(path)[1].lower()
     if to is not None:
@@ -123,16 +125,29 @@ def format_of(to: str | None, path: str | None) -> ExportFormat:
             raise UsageError(f"--to {to}: there is no such format; known are {', '.join(FORMATS)}")
         if suffix and suffix != FORMATS[to].suffix:
             raise UsageError(f"{path}: files of the format {to} end in {FORMATS[to].suffix}")
+        _check_name(FORMATS[to], path)
         return FORMATS[to]
     if path is None:
         raise UsageError(f"name a format, --to {', '.join(FORMATS)}, or a file with -o")
     for row in FORMATS.values():
         if row.chosen and row.suffix == suffix:
+            _check_name(row, path)
             return row
     raise UsageError(
         f"{path}: an exported file ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; --to names"
         " the format"
     )
+
+
+def _check_name(row: ExportFormat, path: str | None) -> None:
+    """Raise UsageError if a language does not find a file with this name."""
+    stem = "" if path is None else os.path.splitext(os.path.basename(path))[0]
+    if row.name == "matlab" and stem and not re.fullmatch(r"[A-Za-z]\w*", stem, re.ASCII):
+        better = re.sub(r"\W+", "_", stem, flags=re.ASCII).strip("_0123456789") or "model"
+        raise UsageError(
+            f"{path}: MATLAB finds a function by the name of its file, which has letters, digits"
+            f" and _ only, a letter first: {better}.m"
+        )
 
 
 def code(model: Model, to: str) -> str:

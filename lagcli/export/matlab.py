@@ -79,7 +79,7 @@ def write_matlab(content: Content) -> str:
     head = [
         *content.described("{0}({1})", 1),
         "",
-        "Simulate with",
+        f"Simulate, from the file {name}.m, with",
         "",
         f"    m = {name}();",
         "    [q, v, a, multipliers, out] = m.simulate(m.times, m.q, m.v, m.p);",

@@ -34,6 +34,8 @@ def test_code_is_printed_without_a_file(capsys: pytest.CaptureFixture[str]) -> N
         (["slider_crank", "-o", "x.txt"], "an exported file ends in"),
         (["bouncing_ball", "--to", "c"], "`floor` does not"),
         (["slider_crank", "--to", "rust"], "rust"),
+        (["slider_crank", "-o", "my-crank.m"], "by the name of its file"),
+        (["slider_crank", "-o", "2.m"], ": model.m"),
         (["slider_crank", "-o", "x.c", "--input", "tau"], "options of FMUs"),
         (["slider_crank", "-o", "x.fmu", "--input", "torque"], "unknown"),
         (["slider_crank", "-o", "x.fmu", "--wheels", "."], "there is no wheel of lagcli"),
