@@ -67,6 +67,25 @@ def test_derivatives_of_expressions_of_functions() -> None:
         assert value.subs({X: -0.5, Y: 2.0}) == (-1 if name == "abs" else 1)
 
 
+@pytest.mark.parametrize(
+    ("function", "at", "slopes"),
+    [
+        # d/dx atan2(1 + cos x, sin x) = -1/2
+        (apply("atan2", 1 + se.cos(X), se.sin(X)), 0.0, (-0.5, 0.0)),
+        ((3 * X) ** Y, 0.0, (0.0, 18.0)),
+        ((X**2) ** (Y - 1), 0.0, (0.0, 2.0)),
+        ((X / Y) ** Y, 1.0, (0.5, 0.5)),
+        ((X * Y) ** (2 * X), 0.5, (2.0, 8.0)),
+    ],
+)
+def test_derivatives_do_not_divide_by_factors_of_arguments(
+    function: se.Basic, at: float, slopes: tuple[float, float]
+) -> None:
+    first = derivative(function, X)
+    values = [float(x.subs({X: at, Y: 2})) for x in (first, derivative(first, X))]
+    assert values == pytest.approx(slopes, abs=1e-14)
+
+
 NEW = '''
 import math
 from lagcli import functions as f

@@ -9,7 +9,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
-from lagcli.model.expression.functions import derivative, kinks_of
+from lagcli.model.expression.functions import derivative, differentiated_apart
 from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
 
@@ -101,7 +101,7 @@ class Motion:
             return expression.diff(symbol)
         kinked = self._kinked.get(expression)
         if kinked is None:
-            kinked = self._kinked[expression] = bool(kinks_of(expression))
+            kinked = self._kinked[expression] = bool(differentiated_apart(expression))
         return derivative(expression, symbol) if kinked else expression.diff(symbol)
 
     def sum_diff(self, terms: Iterable[Basic], symbol: Basic) -> Basic:

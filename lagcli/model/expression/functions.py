@@ -85,36 +85,55 @@ def derivative(expression: Basic, symbol: Basic) -> Basic:
 
     SymEngine leaves derivatives of jumps unevaluated, and keeps piecewise derivatives even if they
     are zero in every case. Here the derivative of a jump is zero, as it is wherever it exists, and
-    piecewise expressions are differentiated case by case.
+    piecewise expressions are differentiated case by case. SymEngine's derivatives of ``atan2(y, x)``
+    and ``(x*y)**n`` divide by x, also where x = 0; those here do not.
     """
     return _chain_rule(expression, symbol, {})
 
 
 def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
     """Differentiate by the chain rule, with a symbol for each piecewise part."""
-    kinks = kinks_of(expression)
-    if not kinks:
+    parts = differentiated_apart(expression)
+    if not parts:
         return expression.diff(symbol)
-    held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(kinks)}
+    held = {part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(parts)}
     rest = expression.xreplace(held)
     outermost = rest.free_symbols
     slopes = [rest.diff(symbol)]
-    for kink, name in held.items():
+    for part, name in held.items():
         if name not in outermost:
             continue
-        if kink not in known:
-            known[kink] = _slope(kink, symbol, known)
-        if known[kink] != ZERO:
-            slopes.append(rest.diff(name) * known[kink])
-    return se.Add(*slopes).xreplace({name: kink for kink, name in held.items()})
+        if part not in known:
+            known[part] = _slope(part, symbol, known)
+        if known[part] != ZERO:
+            slopes.append(rest.diff(name) * known[part])
+    return se.Add(*slopes).xreplace({name: part for part, name in held.items()})
 
 
 # one expression is differentiated with respect to several symbols
 @lru_cache(maxsize=8)
 def kinks_of(expression: Basic) -> frozenset[Basic]:
     """Return the parts that SymEngine does not differentiate."""
-    found = parts_of(expression, *KINKS, se.FunctionSymbol)
-    return frozenset(x for x in found if isinstance(x, KINKS) or is_opaque(x))
+    return frozenset(x for x in differentiated_apart(expression) if not isinstance(x, _DIVIDED))
+
+
+@lru_cache(maxsize=8)
+def differentiated_apart(expression: Basic) -> frozenset[Basic]:
+    """Return the parts that `derivative` differentiates by rules of its own."""
+    found = parts_of(expression, *KINKS, se.FunctionSymbol, *_DIVIDED)
+    return frozenset(x for x in found if isinstance(x, KINKS) or is_opaque(x) or _is_divided(x))
+
+
+#: The kinds of parts whose derivatives by SymEngine may be quotients 0/0.
+_DIVIDED = (se.atan2, se.Pow)
+
+
+def _is_divided(expression: Basic) -> bool:
+    """Whether SymEngine's derivative divides by a factor of an argument."""
+    if isinstance(expression, se.Pow):
+        base, exponent = expression.args
+        return isinstance(base, (se.Mul, se.Pow)) and not isinstance(exponent, se.Number)
+    return isinstance(expression, se.atan2)
 
 
 def parts_of(expression: Basic, *kinds: type[Basic]) -> set[Basic]:
@@ -131,16 +150,25 @@ def parts_of(expression: Basic, *kinds: type[Basic]) -> set[Basic]:
     return {x for x in seen if isinstance(x, kinds)}
 
 
-def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
-    if isinstance(kink, _JUMPS) or symbol not in kink.free_symbols:
+def _slope(part: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
+    if isinstance(part, _JUMPS) or symbol not in part.free_symbols:
         return ZERO
-    if isinstance(kink, se.FunctionSymbol):
-        (x,), operation = kink.args, FUNCTIONS[kink.get_name()].operation
+    if isinstance(part, se.atan2):
+        y, x = part.args
+        dy, dx = (_chain_rule(z, symbol, known) for z in (y, x))
+        return (x * dy - y * dx) / (x**2 + y**2)
+    if isinstance(part, se.Pow):
+        base, exponent = part.args
+        slope = exponent * base ** (exponent - 1) * _chain_rule(base, symbol, known)
+        rate = _chain_rule(exponent, symbol, known)
+        return slope + part * se.log(base) * rate if rate != ZERO else slope
+    if isinstance(part, se.FunctionSymbol):
+        (x,), operation = part.args, FUNCTIONS[part.get_name()].operation
         assert operation is not None
         assert operation.slope is not None
-        return operation.slope(_SYMBOLIC, x, kink) * _chain_rule(x, symbol, known)
-    values = [_chain_rule(value, symbol, known) for value in kink.args[0::2]]
-    return pieces(values, kink.args[1::2])
+        return operation.slope(_SYMBOLIC, x, part) * _chain_rule(x, symbol, known)
+    values = [_chain_rule(value, symbol, known) for value in part.args[0::2]]
+    return pieces(values, part.args[1::2])
 
 
 def pieces(values: Sequence[Basic], conditions: Sequence[Basic]) -> Basic:

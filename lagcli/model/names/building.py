@@ -319,11 +319,14 @@ class _ExpressionBuilder:
         return self.raised(tree, base, exponent)
 
     def raised(self, tree: Tree, base: Sized, exponent: Sized) -> Sized:
-        self.bound_power(base.value, exponent.value, tree)
-        value = se.Pow(base.value, exponent.value)
+        to = self.bounded_exponent(base.value, exponent.value, tree)
+        if not isinstance(to, se.Number) and isinstance(base.value, (se.Mul, se.Pow)):
+            self.scope.mark_nonsmooth()  # SymEngine's derivative divides by the base
+        value = se.Pow(base.value, to)
         return self.made(tree, value, [base, exponent], levels=1)
 
-    def bound_power(self, base: Basic, exponent: Basic, tree: Tree) -> None:
+    def bounded_exponent(self, base: Basic, exponent: Basic, tree: Tree) -> Basic:
+        """Return the exponent, as a float if exact powers with it would be too large."""
         exact_base = isinstance(base, se.Rational)
         if not isinstance(exponent, se.Rational):
             # the derivative of a^x is a^x log(a) x'
@@ -334,12 +337,13 @@ class _ExpressionBuilder:
                     tree,
                     "a power with a variable exponent needs a positive base",
                 )
-            return
+            return exponent
         p, q = (int(x) for x in exponent.get_num_den())
         bits = 0
         if exact_base:
             bits = sum(abs(int(x)).bit_length() for x in base.get_num_den())
-        if max(abs(p), q) > MAX_POWER or bits * abs(p) > MAX_BITS:
+        exact = max(abs(p), q) <= MAX_POWER and bits * abs(p) <= MAX_BITS
+        if not exact and (q == 1 or abs(p) > MAX_POWER * q):
             raise error_at(
                 "too-large",
                 "this power is too large",
@@ -348,6 +352,7 @@ class _ExpressionBuilder:
             )
         if base == 0 and p < 0:
             raise error_at("not-a-number", "division by zero", tree)
+        return exponent if exact else se.RealDouble(p / q)
 
     def varies(self, value: Basic) -> bool:
         return bool(self.scope.derivative(value) != 0)

@@ -128,11 +128,27 @@ def test_what_is_no_number_is_rejected(text: str) -> None:
     assert caught.value.kind == "not-a-number"
 
 
-@pytest.mark.parametrize("text", ["9^9^9^9", "x^1001", "2^(1/1001)", "(10^300)^1000", "x^-9999"])
+@pytest.mark.parametrize("text", ["9^9^9^9", "x^1001", "x^1000.5", "(10^300)^1000", "x^-9999"])
 def test_powers_are_bounded(text: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         value(text)
     assert caught.value.kind == "too-large"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("x^1.3333", 3.7**1.3333),
+        ("x^-7.1109", 3.7**-7.1109),
+        ("x^0.333333333333", 3.7**0.333333333333),
+        ("12.3456789^9.87", 12.3456789**9.87),
+        ("2^(1/1001)", 2 ** (1 / 1001)),
+        ("6^6.148", 6**6.148),
+    ],
+)
+def test_exponents_may_have_many_decimals(text: str, expected: float) -> None:
+    found = float(value(text).subs({X: 3.7}).n(53, real=True))
+    assert found == pytest.approx(expected, rel=1e-14)
 
 
 def test_a_parameter_may_be_the_exponent_of_a_negative_number() -> None:
