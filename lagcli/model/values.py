@@ -10,7 +10,7 @@ from symengine import Basic
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.constants import constant
-from lagcli.model.expression.units import commensurable
+from lagcli.model.expression.units import commensurable, remedy
 from lagcli.model.model import Model, Written
 from lagcli.model.names.building import build
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
@@ -79,7 +79,7 @@ def given_value(
                 "units",
                 f"`{name}` is in {unit}, and its value in {stated}",
                 node.location,
-                f"give it in {unit}, or in another unit of that dimension",
+                remedy(unit, stated),
             )
         if quantity.number is not None:
             number = value.number()

@@ -25,8 +25,8 @@ from lagcli.model.csv_table import CsvTable, read_bytes
 from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import commensurable
+from lagcli.model.expression.trees import Name, Tree
+from lagcli.model.expression.units import commensurable, remedy, same_dimension
 from lagcli.model.model import DataFile, Model, ObservedQuantity
 from lagcli.model.names.expansion import expand
 from lagcli.named_tuples import NamedTuple
@@ -139,18 +139,21 @@ def _column(table: CsvTable, model: Model, x: ObservedQuantity) -> tuple[int, Fa
         The same of the units of the model file.
     """
     number, factor, unit = table.column(x.column, x.unit)
-    own = expression_unit(model, expand(parse(x.name), model.names))
+    tree = expand(parse(x.name), model.names)
+    own = expression_unit(model, tree)
+    # hertz are right for an expression such as phi'/(2*pi)
+    fits = commensurable if isinstance(tree, Name) else same_dimension
     sigma = x.sigma_given
     if isinstance(sigma, Tree):
         sigma = expression_unit(model, sigma)
     for what, given in (("its column", unit), ("its `sigma`", sigma)):
-        if own is None or given is None or commensurable(own, given):
+        if own is None or given is None or fits(own, given):
             continue
         message = f"`{x.name}` is in {own}, and {what} in {given}"
-        remedy = f"give it in {own}, or in another unit of that dimension"
+        help_ = remedy(own, given)
         if given is unit and x.unit is None:
-            raise table.error("units", message, remedy, 1, number)
-        raise ModelError([Diagnostic("units", message, x.location, remedy)])
+            raise table.error("units", message, help_, 1, number)
+        raise ModelError([Diagnostic("units", message, x.location, help_)])
     return number, factor
 
 

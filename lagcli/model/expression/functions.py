@@ -85,8 +85,8 @@ def derivative(expression: Basic, symbol: Basic) -> Basic:
 
     SymEngine leaves derivatives of jumps unevaluated, and keeps piecewise derivatives even if they
     are zero in every case. Here the derivative of a jump is zero, as it is wherever it exists, and
-    piecewise expressions are differentiated case by case. SymEngine's derivatives of ``atan2(y, x)``
-    and ``(x*y)**n`` divide by x, also where x = 0; those here do not.
+    piecewise expressions are differentiated case by case. SymEngine's derivatives of
+    ``atan2(y, x)`` and ``(x*y)**n`` divide by x, also where x = 0; those here do not.
     """
     return _chain_rule(expression, symbol, {})
 

@@ -174,8 +174,44 @@ def plain_notation(unit: str) -> str:
 
 
 def commensurable(unit: str, other: str) -> bool:
+    """Whether values in one unit can be given in the other; raises as `read_unit`.
+
+    Units of one dimension, but not hertz for rates of rotation: 1 Hz may be 1 rad/s or a turn per
+    second.
+    """
+    return same_dimension(unit, other) and not (_in_cycles(unit, other) or _in_cycles(other, unit))
+
+
+def same_dimension(unit: str, other: str) -> bool:
     """Whether two units have the same dimension; raises as `read_unit`."""
     return same(read_unit(unit).dimension, read_unit(other).dimension)
+
+
+def remedy(unit: str, given: str) -> str:
+    """Return what to write where a value is due in a unit, and given in one that does not fit."""
+    if _in_cycles(given, unit):
+        return NO_HERTZ
+    return f"give it in {unit}, or in another unit of that dimension"
+
+
+#: What to write for an angular velocity in hertz.
+NO_HERTZ = "write rad/s, rev/s or rpm: 1 Hz may be 1 rad/s or a turn per second"
+
+
+def is_frequency(unit: str) -> bool:
+    """Whether a unit is hertz, with or without a prefix."""
+    return read_unit(unit).si == (("Hz", 1),)
+
+
+def _in_cycles(unit: str, other: str) -> bool:
+    """Whether a unit is one with hertz where another of the same dimension has an angle."""
+    one, two = read_unit(unit), read_unit(other)
+    angles = one.dimension.rad != two.dimension.rad and two.dimension.rad != 0
+    return _has_hertz(one) and not _has_hertz(two) and angles and same(one.dimension, two.dimension)
+
+
+def _has_hertz(unit: ParsedUnit) -> bool:
+    return any(name == "Hz" for name, _ in unit.si)
 
 
 def is_unit(text: str) -> bool:
@@ -209,6 +245,8 @@ def _refuse_doubtful(text: str, plain: str, unit: ParsedUnit) -> None:
     names = [name for name, _ in unit.atoms]
     if unit.atoms == (("min", -1),):
         reason = "it may count revolutions; write rpm for these, or 1/s"
+    elif _has_hertz(unit) and _with_torque(unit) != unit.dimension:
+        reason = "1 Hz may be 1 rad/s or a turn per second; write N*m*s/rad"
     elif len(names) > 1 and {"lb", "pound", "pounds"}.intersection(names):
         reason = "write lbf for the force, lbm for the mass"
     elif len(names) > 1 and "oz" in names:

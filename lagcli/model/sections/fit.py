@@ -10,7 +10,7 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import commensurable, to_si
+from lagcli.model.expression.units import commensurable, remedy, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
 from lagcli.model.model import (
     Coordinate,
@@ -270,7 +270,7 @@ class _FitReader:
                 "units",
                 f"{what} is in {given}, and its value in {unit}",
                 node.location,
-                f"give it in {unit}, or in another unit of that dimension",
+                remedy(unit, given),
             )
             return False
         self.draft.report.add(

@@ -22,7 +22,7 @@ from lagcli.model.expression.trees import (
     VectorExpr,
     walk,
 )
-from lagcli.model.expression.units import si_notation, to_si
+from lagcli.model.expression.units import NO_HERTZ, is_frequency, si_notation, to_si
 from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import Coordinate, InitialValue, Written
 from lagcli.model.names.draft import (
@@ -91,11 +91,19 @@ class InitialReader:
         self.fixed, self.quantity = fixed and own, quantity
         if node is not None and quantity is None:
             self.quantity = read_quantity(draft, node, what)
+            self._refuse_hertz()
         if self.quantity is not None:
             indices, tree = declaration.indices, self.quantity.parsed.tree
             self.value = QuantityValue(draft, self.quantity, what, indices=indices)
             self.varies = any(uses(tree, index) for index in indices)
         self.same: float | None = None
+
+    def _refuse_hertz(self) -> None:
+        """Report a velocity in hertz."""
+        unit = self.quantity.unit if self.quantity and self.declaration.primes else None
+        if unit is not None and is_frequency(unit):
+            message = f"{self.what} is in {unit}"
+            self.draft.report.add("units", message, self.location, NO_HERTZ)
 
     def read(self, name: str, indices: Indices, values: dict[str, InitialValue]) -> None:
         """Evaluate the entry for a coordinate or velocity."""

@@ -15,7 +15,14 @@ from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.constants import constant
 from lagcli.model.expression.tokens import is_number
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, si_notation, to_si
+from lagcli.model.expression.units import (
+    UNIT_HELP,
+    UnknownUnit,
+    commensurable,
+    remedy,
+    si_notation,
+    to_si,
+)
 from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
@@ -207,7 +214,7 @@ class _ParameterReader:
                 "units",
                 f"`{name}` is in {stated} in the file, and in {quantity.unit} here",
                 value.location,
-                f"give it in {stated}, or in another unit of that dimension",
+                remedy(stated, quantity.unit),
             )
             return None
         return quantity

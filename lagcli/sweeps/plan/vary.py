@@ -20,7 +20,7 @@ from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, decimal
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, remedy, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.namespace import Allowed, Namespace
@@ -359,8 +359,7 @@ def si_factor(model: Model, name: str, unit: str | None, form: str = "after the 
         factor = to_si(unit)
         if stated is not None and not commensurable(unit, stated):
             raise UsageError(
-                f"`{name}` is in {stated} in the file, and in {unit} here; give it"
-                f" in {stated}, or in another unit of that dimension"
+                f"`{name}` is in {stated} in the file, and in {unit} here; {remedy(stated, unit)}"
             )
         return factor
     if stated is not None and to_si(stated) != 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -129,3 +130,37 @@ def test_a_preset_needs_the_unit_too() -> None:
     assert values["phi"].value == pytest.approx(math.pi / 6, rel=1e-15)
     assert [values[k].value for k in ("r.x", "r.y", "u[1]", "u[2]")] == [0.2, 1, 0.1, 0.2]
     assert values["e.1'"].value == pytest.approx(math.pi / 360, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("written", "name", "text"),
+    [
+        ("30 rpm", "phi'", "3 Hz"),
+        ("30 rpm", "phi_dot", "{guess: 3 kHz}"),
+        ("10 deg/s", "", "3 hertz"),
+    ],
+)
+def test_angular_velocities_are_not_in_hertz(written: str, name: str, text: str) -> None:
+    in_file = MODEL.replace(written, re.findall(r"3 \w+", text)[0])
+    for model, given in ((in_file, {}), (MODEL if name else in_file, {name: text} if name else {})):
+        with pytest.raises(ModelError) as found:
+            lagcli.load_text(model, set_initial=given)
+        [one] = found.value.diagnostics
+        assert one.kind == "units"
+        assert "rad/s, rev/s or rpm" in (one.help or "")
+    for unit in ("1/s", "rad/s", "rev/s"):
+        lagcli.load_text(MODEL, set_initial={"phi'": f"3 {unit}"})
+
+
+def test_sweeps_of_angular_velocities_are_not_in_hertz() -> None:
+    model = lagcli.load_text(MODEL)
+    with pytest.raises(UsageError, match="rad/s, rev/s or rpm"):
+        read_vary("phi'=1:3:1 Hz", model)
+
+
+def test_parameters_in_hertz_are_frequencies() -> None:
+    text = MODEL.replace("A: 1 kg*m^2", "A: 1 kg*m^2, f: 50 Hz, u_0: 2 rad/s")
+    assert lagcli.load_text(text, set={"f": "2 kHz"}).parameter_values["f"] == 2000.0
+    for name, value in (("f", "3000 rpm"), ("u_0", "50 Hz")):
+        with pytest.raises(ModelError, match=f"`{name}` is in"):
+            lagcli.load_text(text, set={name: value})

@@ -138,6 +138,13 @@ def test_columns_have_the_dimension_of_what_they_measure(
     assert said in str(found.value)
 
 
+def test_hertz_fit_expressions_but_no_angular_velocity(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="`phi'` is in rad/s, and its column in Hz"):
+        read(tmp_path, "t,a [Hz]\n0,1\n", *described("phi': a"), model=PENDULUM)
+    found = read(tmp_path, "t,a [kHz]\n0,1\n", *described("phi'/(2*pi): a"), model=PENDULUM)
+    assert found.values == pytest.approx(1000.0)
+
+
 def test_times_are_times(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="the times are in kg"):
         read(tmp_path, "t [kg],a\n0,1\n", observed("a"))

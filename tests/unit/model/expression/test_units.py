@@ -12,8 +12,10 @@ from lagcli.model.expression.dimension import Dimension, same
 from lagcli.model.expression.unit_table import REFUSED, compounds, units
 from lagcli.model.expression.units import (
     UnknownUnit,
+    commensurable,
     plain_notation,
     read_unit,
+    remedy,
     si_notation,
     to_si,
 )
@@ -105,6 +107,33 @@ def test_a_power_of_zero_is_no_unit(unit: str, dimension: Dimension) -> None:
 def test_a_table_marks_numbers_by_a_dash() -> None:
     assert to_si("-") == to_si("–") == to_si("1") == 1
     assert read_unit("-").dimension == read_unit("1").dimension
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "fits"),
+    [
+        ("Hz", "1/s", True),
+        ("kHz", "Hz", True),
+        ("1/s", "rad/s", True),
+        ("deg*Hz", "rad/s", True),
+        ("N/(m*Hz)", "N*s/m", True),
+        ("Hz", "rad/s", False),
+        ("megahertz", "rpm", False),
+        ("Hz^2", "rad/s^2", False),
+        ("Hz/s", "deg/s^2", False),
+        ("rev/s", "Hz", False),
+        ("m*Hz", "m/s", True),
+    ],
+)
+def test_hertz_are_no_unit_of_rates_of_rotation(unit: str, other: str, fits: bool) -> None:
+    assert commensurable(unit, other) == commensurable(other, unit) == fits
+    assert ("rev/s" in remedy(other, unit)) == (not fits and "z" in unit)
+
+
+@pytest.mark.parametrize("unit", ["N*m/Hz", "Nm/kHz", "kNm/hertz"])
+def test_a_torque_per_hertz_is_refused(unit: str) -> None:
+    with pytest.raises(UnknownUnit, match=r"1 rad/s or a turn per second; write N\*m\*s/rad"):
+        read_unit(unit)
 
 
 @pytest.mark.parametrize(
