@@ -405,10 +405,25 @@ FUNCTIONS: dict[str, Function] = {
         spelling=Spelling(fences=("⌈", "⌉"), latex_fences=(r"\lceil ", r" \rceil")),
     ),
     "exp2": Function(_NUMBER, expression=lambda f, x: 2**x),
-    "expm1": Function(_NUMBER, expression=lambda f, x: f.exp(x) - 1),
+    "expm1": Function(
+        _NUMBER,
+        operation=Operation(
+            "expm1(A)", math.expm1, "numpy.expm1", lambda f, x, y: f.exp(x), "increasing"
+        ),
+    ),
     "log10": Function(_NUMBER, expression=lambda f, x: f.log(x) / f.log(10), aliases=("lg",)),
     "log2": Function(_NUMBER, expression=lambda f, x: f.log(x) / f.log(2)),
-    "log1p": Function(_NUMBER, expression=lambda f, x: f.log(1 + x)),
+    "log1p": Function(
+        _NUMBER,
+        operation=Operation(
+            "log1p(A)",
+            math.log1p,
+            "numpy.log1p",
+            lambda f, x, y: 1 / (1 + x),
+            "increasing",
+            Domain(-1.0, open=True),
+        ),
+    ),
     "cbrt": Function(Fraction(1, 3), expression=_cube_root, smooth=False, copies=lambda count: 3),
     "hypot": Function(_SAME, 1, None, expression=lambda f, *xs: f.sqrt(sum(x**2 for x in xs))),
     "abs": Function(

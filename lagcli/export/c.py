@@ -27,7 +27,7 @@ _RESERVED = words(
     " linux unix i386 L_ctermid L_cuserid L_tmpnam L_tmpnam_s P_tmpdir alloca environ"
     " math_errhandling memcpy memset onexit_t pclose popen ru_first ru_last sa_handler"
     " sa_sigaction sigmask sv_onstack sys_errlist sys_nerr w_coredump w_retcode w_stopsig w_stopval"
-    " w_termsig wpopen"
+    " w_termsig wpopen expm1 log1p"
 )
 
 # the headers have hundreds, other ones on each system: EOF, M_PI, HUGE

@@ -19,8 +19,8 @@ _RESERVED = words(
     " ans eps e i j I J Inf inf NaN nan NA pi realmin realmax true false nargin nargout M f B"
     " gamma position velocity out model S equations residuals outputs dynamics slopes derivatives"
     " solve simulate piece ifelse clipped abs sqrt exp log sin cos tan asin acos atan atan2 sinh"
-    " cosh tanh asinh acosh atanh floor ceil power erf erfc zeros"
-    " real_sqrt real_log real_power real_asin real_acos real_acosh real_atanh"
+    " cosh tanh asinh acosh atanh floor ceil power erf erfc zeros expm1 log1p"
+    " real_sqrt real_log real_power real_asin real_acos real_acosh real_atanh real_log1p"
 )
 
 

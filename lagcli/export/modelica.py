@@ -25,7 +25,7 @@ _RESERVED = words(
     " cardinality inStream actualStream spatialDistribution getInstanceName initial terminal"
     " smooth sample pre edge change reinit noEvent sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh exp log log10 min max sum product size fill zeros ones identity transpose"
-    " cross skew symmetric scalar vector matrix cat piece clipped stabilization"
+    " cross skew symmetric scalar vector matrix cat piece clipped stabilization expm1 log1p"
 )
 _LARGE = 1e300  # Modelica has no infinity
 
@@ -55,10 +55,12 @@ _SYNTAX = Syntax(
     power="{0}^{1}",
 )
 #: Functions that Modelica lacks, of x.
-_INVERSE = {
+_LACKING = {
     "ASINH": "if x < 0 then -log(sqrt(x*x + 1) - x) else log(x + sqrt(x*x + 1))",
     "ACOSH": "log(x + sqrt(x - 1)*sqrt(x + 1))",
     "ATANH": "0.5*log((1 + x)/(1 - x))",
+    "EXPM1": "(exp(x) + 1)*tanh(x/2)",
+    "LOG1P": "log(1 + x)",
 }
 
 
@@ -232,8 +234,8 @@ class _ModelicaText:
         """Return the functions that Modelica lacks, and the tables."""
         used, lines = self.writer.sections.used, list[str]()
         for op in sorted(used):
-            if op.name in _INVERSE:
-                lines += _function_of(op.name.lower(), ["x"], _INVERSE[op.name], op.name.lower())
+            if op.name in _LACKING:
+                lines += _function_of(op.name.lower(), ["x"], _LACKING[op.name], op.name.lower())
         for helper in helpers(used, self.writer.syntax):
             lines += _function_of(helper.name, helper.parameters, helper.value, helper.comment)
         for i in sorted(self.writer.sections.pieces):

@@ -57,6 +57,16 @@ def batch(expression: se.Basic, *points: tuple[float, float, float]) -> np.ndarr
     return run_arrays(compile_tape([expression], VARIABLES), columns, len(points))[0]
 
 
+#: The functions that SymEngine does not know, by those that it knows.
+_KNOWN = {"expm1": lambda x: se.exp(x) - 1, "log1p": lambda x: se.log(1 + x)}
+
+
+def in_known_functions(expression: se.Basic) -> se.Basic:
+    """Return an expression in functions that SymEngine can evaluate and differentiate."""
+    calls = expression.atoms(se.FunctionSymbol)
+    return expression.xreplace({x: _KNOWN[x.get_name()](*x.args) for x in calls})
+
+
 def exactly(expression: se.Basic, point: tuple[float, ...]) -> float:
     """Evaluate by substitution of exact numbers; NaN where that is not a real number."""
     values = {
@@ -64,7 +74,7 @@ def exactly(expression: se.Basic, point: tuple[float, ...]) -> float:
         for s, x in zip(VARIABLES, point, strict=True)
     }
     try:
-        return float(expression.subs(values).n(200, real=True))
+        return float(in_known_functions(expression).subs(values).n(200, real=True))
     except RuntimeError:  # not a real number
         return math.nan
 

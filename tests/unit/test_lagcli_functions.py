@@ -7,6 +7,7 @@ import subprocess
 import sys
 from fractions import Fraction
 
+import mpmath
 import pytest
 import symengine as se
 
@@ -14,7 +15,10 @@ from lagcli.functions import FUNCTIONS, OPERATIONS, DimensionRule, Function
 from lagcli.model.expression.functions import apply, derivative
 
 X, Y = se.symbols("x y")
-RULES = sorted(name for name, f in OPERATIONS.items() if f.operation and f.operation.slope)
+RULES = sorted(
+    name for name, f in OPERATIONS.items() if f.operation and f.operation.slope and not f.opaque
+)
+OPAQUE = sorted(name for name, f in FUNCTIONS.items() if f.opaque)
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -27,6 +31,18 @@ def test_rules_of_derivatives_are_those_of_symengine(name: str) -> None:
     at = 1.3 if operation.domain.low >= 1.0 else 0.3
     values = [float(e.subs({X: at}).n(53, real=True)) for e in (rule, function.diff(X))]
     assert values[0] == pytest.approx(values[1], rel=1e-14)
+
+
+@pytest.mark.parametrize("name", OPAQUE)
+@pytest.mark.parametrize("at", [0.3, 1e-9])
+def test_opaque_functions_and_their_rules(name: str, at: float) -> None:
+    operation = FUNCTIONS[name].operation
+    assert operation is not None
+    assert operation.slope is not None
+    value = operation.scalar(at)
+    assert value == pytest.approx(float(getattr(mpmath, name)(at)), rel=1e-15)
+    slope = float(mpmath.diff(getattr(mpmath, name), at))
+    assert operation.slope(math, at, value) == pytest.approx(slope, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", sorted(OPERATIONS))

@@ -171,4 +171,4 @@ def bounded(a: Array, domain: Domain) -> Array:
 
 def clipped(a: Array, b: Array) -> Array:
     """Return a, or 0 where it is negative by rounding of terms whose squares add up to b."""
-    return np.where((a < 0.0) & (a * a <= ROUNDING * ROUNDING * b), 0.0, a)
+    return np.where((a < 0.0) & (a * a <= ROUNDING * ROUNDING * b), a - a, a)

@@ -26,7 +26,7 @@ ROUNDING = 2.0**-43
 
 def clipped(a: float, b: float) -> float:
     """Return a, or 0 where it is negative by rounding of terms whose squares add up to b."""
-    return 0.0 if a < 0.0 and a * a <= ROUNDING * ROUNDING * b else a
+    return a - a if a < 0.0 and a * a <= ROUNDING * ROUNDING * b else a
 
 
 def bounded(a: float, domain: Domain) -> float:

@@ -228,6 +228,25 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
     assert "ifelse(" in code(model, "matlab")
 
 
+@pytest.mark.parametrize("to", ["c", "python", "matlab", "modelica"])
+def test_expm1_and_log1p_are_functions_of_the_language(to: str) -> None:
+    text = code(
+        lagcli.load_text(
+            "coordinates: [x]\nparameters: {expm1: 2}\nT: x'^2/2\nV: log1p(x^2)\n"
+            "Q: {x: -expm1*expm1(x)}\ninitial: {x: 1, x': 0}\n"
+        ),
+        to,
+    )
+    function = {"python": "np.expm1"}.get(to, "expm1")
+    assert f"{function}(x)" in text
+    assert "log1p(x * x)" in text
+    if to == "modelica":
+        assert "y := (exp(x) + 1)*tanh(x/2)" in text
+        assert "y := log(1 + x)" in text
+    if to != "python":
+        assert "expm1_*expm1(x)" in text.replace(" ", "")
+
+
 def test_a_choice_within_a_choice_is_written() -> None:
     model = lagcli.load_text(
         "coordinates: [x]\nT: x'^2/2\nV: 0\nQ: {x: 'if(x < 1, if(x > 0, 2, 3), 5)'}\n"

@@ -31,6 +31,8 @@ ONE = {
     Op.ATANH: (-0.8, 0.8, mpmath.atanh),
     Op.EXP: (-3.0, 3.0, mpmath.exp),
     Op.LOG: (0.3, 4.0, mpmath.log),
+    Op.EXPM1: (-3.0, 3.0, mpmath.expm1),
+    Op.LOG1P: (-0.7, 3.0, mpmath.log1p),
     Op.ERF: (-2.0, 2.0, mpmath.erf),
     Op.ERFC: (-2.0, 2.0, mpmath.erfc),
     Op.NEG: (-3.0, 3.0, lambda x: -x),

@@ -15,6 +15,7 @@ from lowered import Lowered, lowered
 from pendulum_by_hand import G as GRAVITY
 from pendulum_by_hand import pendulum_system
 from series_values import coefficients as series_coefficients
+from tape_values import in_known_functions
 
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
@@ -80,7 +81,7 @@ def coefficients(what: Lowered, q: list[float], v: list[float]) -> np.ndarray:
 
 def derivatives(force: se.Basic, count: int) -> list[float]:
     """Return x, x', x'', … at the start over factorials, for x'' = force(t)."""
-    values = [0.4, 0.2]
+    values, force = [0.4, 0.2], in_known_functions(force)
     for _ in range(count):
         values.append(float(force.subs({T: START})))
         force = force.diff(T)
