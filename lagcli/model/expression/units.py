@@ -211,7 +211,18 @@ def _in_cycles(unit: str, other: str) -> bool:
 
 
 def _has_hertz(unit: ParsedUnit) -> bool:
-    return any(name == "Hz" for name, _ in unit.si)
+    return _exponent(unit, "Hz") != 0
+
+
+def _exponent(unit: ParsedUnit, symbol: str) -> Exponent:
+    """Return the exponent of an SI symbol in a unit."""
+    return sum((n for name, n in unit.si if name == symbol), 0)
+
+
+def _is_torque_with_hertz(unit: ParsedUnit) -> bool:
+    """Whether a unit is a torque times a power of hertz."""
+    force, length = _exponent(unit, "N"), _exponent(unit, "m")
+    return force == length and abs(force) == 1 and _has_hertz(unit)
 
 
 def is_unit(text: str) -> bool:
@@ -245,7 +256,7 @@ def _refuse_doubtful(text: str, plain: str, unit: ParsedUnit) -> None:
     names = [name for name, _ in unit.atoms]
     if unit.atoms == (("min", -1),):
         reason = "it may count revolutions; write rpm for these, or 1/s"
-    elif _has_hertz(unit) and _with_torque(unit) != unit.dimension:
+    elif _is_torque_with_hertz(unit):
         reason = "1 Hz may be 1 rad/s or a turn per second; write N*m*s/rad"
     elif len(names) > 1 and {"lb", "pound", "pounds"}.intersection(names):
         reason = "write lbf for the force, lbm for the mass"

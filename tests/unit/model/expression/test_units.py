@@ -130,7 +130,7 @@ def test_hertz_are_no_unit_of_rates_of_rotation(unit: str, other: str, fits: boo
     assert ("rev/s" in remedy(other, unit)) == (not fits and "z" in unit)
 
 
-@pytest.mark.parametrize("unit", ["N*m/Hz", "Nm/kHz", "kNm/hertz"])
+@pytest.mark.parametrize("unit", ["N*m/Hz", "Nm/kHz", "kNm/hertz", "N/Hz*m", "Hz/(N*m)"])
 def test_a_torque_per_hertz_is_refused(unit: str) -> None:
     with pytest.raises(UnknownUnit, match=r"1 rad/s or a turn per second; write N\*m\*s/rad"):
         read_unit(unit)
