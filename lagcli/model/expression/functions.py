@@ -60,7 +60,10 @@ def apply(name: str, *arguments: Basic) -> Basic:
     if any(x.free_symbols for x in arguments):
         return se.Function(name)(*arguments)
     assert function.operation is not None
-    return se.RealDouble(function.operation.scalar(*map(number, arguments)))
+    try:
+        return se.RealDouble(function.operation.scalar(*map(number, arguments)))
+    except OverflowError:
+        return se.oo
 
 
 def name_of_function(expression: Basic) -> str:

@@ -119,6 +119,7 @@ def test_constants(text: str, expected: float) -> None:
         *("0^-1", "0^(-1/2)", "tan(pi/2)", "exp(1000)", "1/(1 - 1)", "x/(x - x)", "atan2(0, 0)"),
         *("acosh(1/2)", "atanh(1)", "(-2)^pi", "(-2)^x", "0^x", "sqrt(-1) + x", "x + log(x - x)"),
         *("if(1 < sqrt(-1), 1, 2)", "max(1, log(0))", "floor(1e300*1e300)", "floor(exp(1000))"),
+        *("expm1(1000)", "1/expm1(1000)", "log1p(-1)", "x + log1p(-2)", "expm1(1e300*pi)"),
         *("dot([1/0], [1])", "exp(exp(exp(exp(9))))", "pow(0, -1)", "pow(-8, 1/3)"),
     ],
 )
