@@ -325,3 +325,21 @@ def test_double_pendulum_tensions_move_the_masses() -> None:
     first = out["tension_1"] * up_1 - second
     assert_close(p["m_1"] * np.array([f["x_1''"], f["y_1''"]]), first + p["m_1"] * g, 1e-10)
     assert_close(p["m_2"] * np.array([f["x_2''"], f["y_2''"]]), second + p["m_2"] * g, 1e-10)
+
+
+@pytest.mark.parametrize(
+    "potential",
+    [
+        # the angle of a chord: atan2(1 + cos phi, sin phi) = (pi - phi)/2
+        "2*k*(atan2(l + l*cos(phi), l*sin(phi)) - pi/2)^2",
+        "k/2*(phi/d)^n*d^2",
+    ],
+)
+def test_oscillators_whose_derivatives_do_not_divide_by_zero(potential: str) -> None:
+    model = lagcli.load_text(
+        "coordinates: [phi]\nparameters: {k: 9, l: 2, d: 3, n: 2}\nT: phi'^2/2\n"
+        f"V: {potential}\ninitial: {{phi: 0, phi': 1}}\n"
+    )
+    run = lagcli.simulate(model, t_end=1.0, samples=11)
+    # rtol is 1e-9
+    assert run.q[:, 0] == pytest.approx(np.sin(3 * run.time) / 3, abs=1e-8)
