@@ -285,3 +285,47 @@ def test_tolerances_of_links_that_friction_holds_together(rtol: float) -> None:
     # the rates at the end: by steps of at most 0.02 s, whatever the tolerances
     small = lagcli.simulate(model, rtol=rtol, max_step=0.02)
     np.testing.assert_allclose(run.v[-1, 2::3], small.v[-1, 2::3], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("share", [0.9, 2.86, 20.0])
+def test_a_body_on_a_stop_with_friction_leaves_when_the_friction_gives_way(
+    share: float, side: int, method: str
+) -> None:
+    """The stop bears what exceeds the friction: beyond G, the load moves the body by (t - t1)^3/6."""
+    limit, growth = 3.1, 5.5
+    start = -share * limit
+    begins = (limit - start) / growth
+    model = lagcli.load_text(
+        "coordinates: [x]\nT: 1.7*x'^2/2\n"
+        f'Q: {{x: "{side * start!r} + {side * growth!r}*t"}}\n'
+        f"constraints:\n  stop: x {'>=' if side > 0 else '<='} 0\n"
+        f"  friction: {{expr: x' = 0, limit: {limit}}}\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    run = lagcli.simulate(model, t_end=1.5 * begins, samples=31, method=method, max_steps=1000)
+    assert run.status == "completed", run.message
+    expected = side * growth * np.maximum(run.time - begins, 0) ** 3 / 6 / 1.7
+    # the motion is a cubic of time: its errors are those of the instant and of rounding
+    assert run.q[:, 0] == pytest.approx(expected, abs=1e-8 * abs(expected[-1]))
+    assert run.events is not None
+    slips = run.events.time[[kind == "slips" for kind in run.events.kinds]]
+    assert slips == pytest.approx([begins], rel=1e-8)
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 10.0, 20.0])
+def test_a_mass_that_pulls_at_a_body_on_a_stop_with_friction_swings(stiffness: float) -> None:
+    """While p1 stands, p4 is an oscillator: p4 = -cos(w t)."""
+    model = lagcli.load_text(
+        "coordinates: [p1, p4]\nT: p1'^2/2 + p4'^2/2\n"
+        f"V: p1 + {stiffness}*(p4 - p1)^2/2\n"
+        "constraints:\n  stop: p1 >= 0\n  friction: {expr: p1' = 0, limit: 0.3}\n"
+        "initial: {p1: 0, p1': 0, p4: -1, p4': 0}\n"
+    )
+    rate = math.sqrt(stiffness)
+    end = 0.99 * math.acos(-1 if stiffness < 1.3 else -1.3 / stiffness) / rate
+    run = lagcli.simulate(model, t_end=end, samples=11, max_steps=1000)
+    assert run.status == "completed", run.message
+    assert np.abs(run.q[:, 0]).max() == 0
+    assert run.q[:, 1] == pytest.approx(-np.cos(rate * run.time), abs=1e-8)

@@ -424,12 +424,14 @@ void lag_contact_close(lag_contact_work *w)
     double tolerance;
     int closes = 0;
     memcpy(w->next, w->mode, w->n * sizeof *w->next);
-    for (int i = 0; i < w->n; ++i)
-        if (w->problem->law[i] == LAG_UNILATERAL && w->mode[i] == LAG_OPEN
-            && w->motion[i] * w->scale[i] <= w->allowed[i]) {
+    for (int i = 0; i < w->n; ++i) {
+        const int law = w->problem->law[i], mode = w->mode[i];
+        const int may_hold = law == LAG_UNILATERAL ? mode == LAG_OPEN : law == LAG_LIMITED && mode > LAG_HOLDS;
+        if (may_hold && fabs(w->motion[i]) * w->scale[i] <= w->allowed[i]) {
             w->mode[i] = LAG_HOLDS;
             closes = 1;
         }
+    }
     if (!closes)
         return;
     lag_contact_rouse(w, w->mode);

@@ -71,8 +71,8 @@ int lag_contact_solve(lag_contact_work *work, double *tolerance);
  */
 int lag_contact_try(lag_contact_work *work);
 
-/* After lag_contact_try has found a solution: let open contacts that do not move hold, too, where they can share the
- * forces. */
+/* After lag_contact_try has found a solution: let open contacts and rows at their limits that do not move hold, too,
+ * where they can share the forces. */
 void lag_contact_close(lag_contact_work *work);
 
 /*
