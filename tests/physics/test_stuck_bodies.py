@@ -329,3 +329,80 @@ def test_a_mass_that_pulls_at_a_body_on_a_stop_with_friction_swings(stiffness: f
     assert run.status == "completed", run.message
     assert np.abs(run.q[:, 0]).max() == 0
     assert run.q[:, 1] == pytest.approx(-np.cos(rate * run.time), abs=1e-8)
+
+
+@pytest.mark.parametrize("drag", ["", "- 0.7*x'", "- 0.7*abs(x')*x'", "- 0.7*max(x', 0)"])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_body_anywhere_slips_once_under_a_growing_load(seed: int, drag: str) -> None:
+    """From t1 = G/f on, m v' = f (t - t1) - drag: where the body stands does not matter."""
+    rng = random.Random(seed)
+    limit, growth, mass = rng.uniform(2, 6), rng.uniform(1, 8), rng.uniform(0.3, 4)
+    begins = limit / growth
+    model = lagcli.load_text(
+        f"coordinates: [x]\nT: {mass!r}*x'^2/2\n"
+        f'Q: {{x: "{growth!r}*t {drag}"}}\n'
+        f"constraints:\n  friction: {{expr: x' = 0, limit: {limit!r}}}\n"
+        f"initial: {{x: {rng.choice([0.3, -2])}, x': 0}}\n"
+    )
+    run = lagcli.simulate(model, t_end=1.5 * begins, samples=16, max_steps=1000)
+    assert run.status == "completed", run.message
+    assert run.events is not None
+    assert run.events.kinds == ("slips",)
+    assert run.events.time == pytest.approx([begins], rel=1e-8)
+    moving = run.time > begins
+    assert run.q[~moving, 0] == pytest.approx(run.q[0, 0], abs=1e-12)
+    if not drag:
+        expected = growth * (run.time[moving] - begins) ** 2 / 2 / mass
+        assert run.v[moving, 0] == pytest.approx(expected, rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("rtol", [1e-7, 1e-9, 1e-11])
+@pytest.mark.parametrize("drag", ["abs(x')*x'", "max(x', 0)", "if(x' > 0, x'^2, x')"])
+def test_a_body_that_begins_to_slip_does_not_stick_at_once(drag: str, rtol: float) -> None:
+    """Its static limit is higher: where its drag has a kink at rest, it could hold there again."""
+    events, kept = [], []
+    for kick in (0.1, -0.1):  # along the slip, and back
+        model = lagcli.load_text(
+            "coordinates: [x]\nT: 1.7*x'^2/2\n"
+            f'Q: {{x: "3.3*t - 0.8*({drag})"}}\n'
+            "constraints:\n"
+            "  friction: {expr: x' = 0, limit: {static: 4.9, kinetic: 1.5}}\n"
+            f"events:\n  kick: {{when: friction slips, impulse: {{x: {kick}}}, times: 1}}\n"
+            "initial: {x: 0.3, x': 0}\n"
+        )
+        run = lagcli.simulate(model, t_end=3, samples=4, rtol=rtol, max_steps=1000)
+        assert run.status == "completed", run.message
+        assert run.events is not None
+        events.append(run.events.kinds)
+        kept.append(run.v[-1, 0])
+    assert events[0] == ("slips", "event")
+    assert kept[0] > kept[1]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_force_that_jumps_at_rest_has_one_side_while_friction_holds(method: str) -> None:
+    """A body comes to rest from x' > 0; the spring moves it back when the friction gives way.
+
+    While it stands, the force is that of x' > 0, from which it came, -9, or any between -9 and -4,
+    as the surface x' = 0 bears it. So x' stays 0 until f - 4 + 2.5 < 0. Before, rounding errors of
+    x' chose the force: it was -4 or -9 from one instant to the next.
+    """
+    model = lagcli.load_text(
+        "coordinates: [x]\nT: 1.3*x'^2/2\n"
+        "Q: {x: \"if(x' > 0, -9, -4) + 9 - 5*t\"}\n"
+        "constraints:\n  friction: {expr: x' = 0, limit: 2.5}\n"
+        "events:\n  tick: {every: 0.1, record: [x]}\n"
+        "initial: {x: 0.3, x': 1}\n"
+    )
+    ends = []
+    for rtol in (1e-7, 1e-8, 1e-9, 1e-10, 1e-11):
+        run = lagcli.simulate(model, t_end=3, samples=301, rtol=rtol, method=method)
+        assert run.status == "completed", run.message
+        stands = np.abs(run.v[:, 0]) < 1e-12
+        assert run.time[stands][-1] == pytest.approx(1.5, abs=0.011)
+        moved = run.time >= 1.52
+        # 1.3 v' = 5 (1.5 - t): as long as x' < 0
+        expected = -5 * (run.time[moved] - 1.5) ** 2 / 2 / 1.3
+        assert run.v[moved, 0] == pytest.approx(expected, abs=1e-6)
+        ends.append([kind for kind in (run.events.kinds if run.events else ()) if kind != "event"])
+    assert all(end == ends[0] for end in ends)

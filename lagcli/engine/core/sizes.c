@@ -97,7 +97,7 @@ static void look_ahead(lag_run *run)
     double *f = run->step.f_new, *balanced = run->step.trial, length = run->settings.t_end - run->step.t;
     int at_rest = 0;
     for (int i = 0; i < nq; ++i)
-        at_rest |= y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0;
+        at_rest |= y[nq + i] == 0.0 && a[i] == 0.0;
     if (!at_rest)
         return;
     memset(balanced, 0, (size_t)nq * sizeof(double));
@@ -107,7 +107,7 @@ static void look_ahead(lag_run *run)
             continue;
         const double *terms = balanced_terms(run, t, y, f + nq);
         for (int i = 0; i < nq; ++i) {
-            if (y[i] != 0.0 || y[nq + i] != 0.0 || a[i] != 0.0)
+            if (y[nq + i] != 0.0 || a[i] != 0.0)
                 continue;
             const double later = fabs(f[nq + i]);
             double *size = later < HIDDEN * terms[i] ? balanced : run->tolerances.future_acceleration;

@@ -35,12 +35,25 @@ static int returns(lag_run *run, int row)
     return a - gamma < -FALLS_BACK * (fabs(a) + fabs(gamma) + by_force);
 }
 
+/* What slips goes on at an instant of other functions, also while its velocity is still zero but for rounding: there, the
+ * static limit could hold it again. */
+static void go_on(const lag_run *run, int *state)
+{
+    const lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows && !sw->moved && !sw->impacts; ++i) {
+        const int direction = sw->ended[i] == NOTHING_ENDED ? lag_row_slips(sw, i) : 0;
+        if (direction && direction * sw->psi[i] >= -lag_no_speed(sw, i))
+            state[i] = direction > 0 ? LAG_GOES_FORWARD : LAG_GOES_BACKWARD;
+    }
+}
+
 int lag_choose_modes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     const double t = run->step.t, *y = run->step.y;
     for (int again = 0;; ++again) {
         lag_states_of(run, sw->state);
+        go_on(run, sw->state);
         memcpy(sw->trial_mode, sw->mode, (size_t)sw->rows * sizeof(int));
         sw->motions = lag_settle(run, t, y, sw->state, sw->trial_mode, sw->trial_force, sw->acceleration);
         if (sw->motions < 0)

@@ -23,6 +23,9 @@
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
 enum { GAPS, ROWS, CONDITIONS, KINKS };
 
+/* Those whose functions have the errors of rows that hold. */
+#define OF_HELD_STATES (1 << CONDITIONS | 1 << KINKS)
+
 int lag_is_enclosed(enum lag_watched what)
 {
     return what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP || what == LAG_WATCH_KINK || what == LAG_WATCH_CONDITION
@@ -192,11 +195,14 @@ static void add_errors(lag_run *run, int row, double gap, double speed)
     e->held = 1;
 }
 
-/* The errors that a row's rounding has. */
+/* The errors that a row's rounding has: where nothing has moved yet, that of the force which holds it. */
 static void add_rounding(lag_run *run, int row)
 {
     const lag_switching *sw = &run->switching;
-    add_errors(run, row, HELD * sw->size[row], HELD * sw->speed[row] + sw->stray[row]);
+    const double *response = sw->response + row * (run->system.nq + run->system.nc);
+    const double by_force = fabs(sw->force[row]) * lag_along(run, row, response);
+    const double time = LAG_HORIZON * (run->settings.t_end - run->step.t_start);
+    add_errors(run, row, HELD * sw->size[row], HELD * fmax(sw->speed[row], time * by_force) + sw->stray[row]);
 }
 
 static void no_errors(lag_enclosure *e)
@@ -211,7 +217,7 @@ int lag_enclosure_touch(lag_run *run, double t, const double *y)
     const lag_switching *sw = &run->switching;
     int factored = 0;
     no_errors(&run->switching.enclosure);
-    for (int i = 0; i < sw->rows && sw->conditions; ++i) {
+    for (int i = 0; i < sw->rows && (sw->conditions || sw->kinks.count); ++i) {
         const int touches = sw->law[i] == LAG_UNILATERAL && sw->phi[i] <= lag_no_gap(run, i);
         if (!sw->active[i] || !(touches || sw->mode[i] == LAG_HOLDS))
             continue;
@@ -250,7 +256,7 @@ void lag_enclosure_begin(lag_run *run, const double *f)
         if (lag_is_enclosed(sw->watched[k].what))
             e->watched |= 1 << tape_of(sw->watched[k].what);
     no_errors(e);
-    for (int i = 0; i < sw->rows && e->watched >> CONDITIONS & 1; ++i)
+    for (int i = 0; i < sw->rows && e->watched & OF_HELD_STATES; ++i)
         if (sw->mode[i] == LAG_HOLDS)
             add_rounding(run, i);
     for (int i = 0; i < e->count; ++i) {
@@ -323,7 +329,7 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
             continue;
         lag_interval *x = lag_jet_input(tape, 1 + e->state[i]);
         memcpy(x, e->jets + (int64_t)JET * i, (size_t)(order + 1) * sizeof *t);
-        if (e->held && tape == e->tapes + CONDITIONS) {
+        if (e->held && OF_HELD_STATES >> (tape - e->tapes) & 1) {
             x->low -= e->error[i];
             x->high += e->error[i];
         }
@@ -376,17 +382,28 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
     take_output(run, k, 1, out);
 }
 
-double lag_held_error(lag_run *run, int which, double t, const double *y)
+/* The width of the enclosure of a tape's output at a state, due to the errors of rows that hold. */
+static double error_of(lag_run *run, int of, int which, double t, const double *y)
 {
     lag_enclosure *e = &run->switching.enclosure;
-    lag_jet_tape *tape = e->tapes + CONDITIONS;
-    if (!e->held || which >= run->switching.conditions)
-        return 0.0;
+    lag_jet_tape *tape = e->tapes + of;
     for (int i = 0; i < e->count; ++i)
         e->jets[(int64_t)JET * i] = (lag_interval){y[e->state[i]], y[e->state[i]]};
     evaluate(run, tape, t, t, 0);
     const lag_interval value = lag_jet_output(tape, which)[0];
     return value.high - value.low;
+}
+
+double lag_held_error(lag_run *run, int which, double t, const double *y)
+{
+    if (!run->switching.enclosure.held || which >= run->switching.conditions)
+        return 0.0;
+    return error_of(run, CONDITIONS, which, t, y);
+}
+
+double lag_held_error_of_kink(lag_run *run, int kink, double t, const double *y)
+{
+    return run->switching.enclosure.held ? error_of(run, KINKS, kink, t, y) : 0.0;
 }
 
 int lag_is_undefined(lag_run *run, int k)

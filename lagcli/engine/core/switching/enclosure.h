@@ -22,8 +22,9 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules);
 /* Errors of states at an instant: those that rows which hold or touch put somewhere, as impacts do. Returns 0, or 1. */
 int lag_enclosure_touch(lag_run *run, double t, const double *y);
 
-/* The error of a condition's value at a state due to these; 0 without. */
+/* The error of a condition's value, and of a kink's function, at a state due to these; 0 without. */
 double lag_held_error(lag_run *run, int which, double t, const double *y);
+double lag_held_error_of_kink(lag_run *run, int kink, double t, const double *y);
 
 /* Begin with the last step: `f` is y' at its end, for methods that know it there. */
 void lag_enclosure_begin(lag_run *run, const double *f);

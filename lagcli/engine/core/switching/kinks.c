@@ -4,6 +4,8 @@
 #include <string.h>
 
 #include "equations.h"
+#include "switching/enclosure.h"
+#include "switching/rows.h"
 
 #define AHEAD 1e-7          /* of a step, or of the run: look-ahead at which accelerations determine a side */
 #define AROUND 1e-4         /* of a step: interval of difference quotients of a surface's function */
@@ -59,6 +61,25 @@ static double branch_beside(const lag_kinks *k, int kink, int side)
     return k->bound[kink] + (side == UPPER ? 0.0 : -1.0) + (k->whole[kink] < 0);
 }
 
+/* Up to what a function that vanishes may be off zero at its surface: also what rows that hold leave of it. */
+static double on_surface(const lag_kinks *k, int kink)
+{
+    return fmax(ON_SURFACE * k->size[kink], k->held[kink]);
+}
+
+/* The errors of functions that rows hold at the state of the run. Returns 0, or 1. */
+static int find_held(lag_run *run)
+{
+    lag_kinks *k = &run->switching.kinks;
+    if (!run->switching.rows)
+        return 0;
+    if (lag_find_rows(run, run->step.t, run->step.y) || lag_enclosure_touch(run, run->step.t, run->step.y))
+        return 1;
+    for (int i = 0; i < k->count; ++i)
+        k->held[i] = lag_held_error_of_kink(run, i, run->step.t, run->step.y);
+    return 0;
+}
+
 /* Set the branches of functions that do not vanish here. */
 static void take_clear_branches(lag_run *run)
 {
@@ -69,7 +90,7 @@ static void take_clear_branches(lag_run *run)
         for (int i = 0; i < k->count; ++i) {
             k->size[i] = fmax(k->size[i], lag_kink_size(run, i));
             const double g = OUT(&k->tape, i), nearest = k->whole[i] ? floor(g + 0.5) : 0.0;
-            const double zero = k->state[i] == LAG_ON_SURFACE ? ON_SURFACE * k->size[i] : 0.0;
+            const double zero = k->state[i] == LAG_ON_SURFACE ? on_surface(k, i) : k->held[i];
             if (k->state[i] == LAG_SIDE_KNOWN)
                 continue;
             if (fabs(g - nearest) <= zero) {
@@ -93,7 +114,7 @@ static void take_clear_branches(lag_run *run)
 static double off_surface(const lag_kinks *k, int kink)
 {
     const double g = OUT(&k->tape, kink) - k->bound[kink];
-    return fabs(g) > ON_SURFACE * k->size[kink] ? g : 0.0;
+    return fabs(g) > on_surface(k, kink) ? g : 0.0;
 }
 
 /* The functions after a time d with accelerations a + terms. */
@@ -287,7 +308,7 @@ static void follow_branches(lag_run *run)
             const double g = OUT(&k->tape, i);
             const double branch = !k->whole[i] ? copysign(1.0, g) : k->whole[i] > 0 ? floor(g) : ceil(g);
             if (k->state[i] != LAG_OFF_SURFACE || branch == k->branch[i]
-                || fabs(g - (k->whole[i] ? floor(g + 0.5) : 0.0)) <= ON_SURFACE * k->size[i])
+                || fabs(g - (k->whole[i] ? floor(g + 0.5) : 0.0)) <= on_surface(k, i))
                 continue;
             changed = 1;
             k->branch[i] = branch;
@@ -306,19 +327,24 @@ int lag_choose_branches(lag_run *run)
     double power;
     if (!k->count)
         return LAG_RUNNING;
+    if (find_held(run))
+        return LAG_UNDEFINED;
     if (k->slides >= 0 && k->state[k->slides] != LAG_SIDE_KNOWN)
         k->state[k->slides] = LAG_ON_SURFACE;
     k->slides = -1;
-    for (int i = 0; i < k->count; ++i)
+    for (int i = 0; i < k->count; ++i) {
         crossed |= k->state[i] != LAG_OFF_SURFACE;
+        k->stays[i] = run->switching.begun && k->state[i] == LAG_OFF_SURFACE && k->held[i] > 0.0;
+    }
     take_clear_branches(run);
     for (int i = 0; i < k->count; ++i) {
         if (k->state[i] != LAG_ON_SURFACE)
             continue;
         if (n == MOST_AT_ONCE)
             return LAG_SURFACES;
-        /* it crosses, or begins above */
-        preferred |= (crossed && k->branch[i] == branch_beside(k, i, UPPER) ? LOWER : UPPER) << n;
+        /* rows hold it beside the surface; or it crosses, or begins above */
+        const int above = k->branch[i] == branch_beside(k, i, UPPER);
+        preferred |= ((k->stays[i] ? !above : crossed && above) ? LOWER : UPPER) << n;
         list[n++] = i;
     }
     k->undecided = n;

@@ -8,7 +8,6 @@
 
 #define NO_SPEED 1e-11      /* of the largest terms of psi so far: zero velocity ... */
 #define TWICE 2.0           /* the velocity that a row has as an instant begins without projection, and its rounding */
-#define HORIZON 1e-3        /* of the duration of the run: how long an acceleration acts in these terms */
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
@@ -203,7 +202,7 @@ static void measure_speeds(lag_run *run, const double *a)
 {
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
-    const double time = HORIZON * (run->settings.t_end - run->step.t_start);
+    const double time = LAG_HORIZON * (run->settings.t_end - run->step.t_start);
     for (int i = 0; i < sw->rows; ++i) {
         double terms = 0.0;
         for (int j = 0; j < nq; ++j)

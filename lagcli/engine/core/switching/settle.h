@@ -4,6 +4,8 @@
 
 #include "run.h"
 
+#define LAG_HORIZON 1e-3        /* of the duration of the run: how long an acceleration acts in terms of velocities */
+
 /* Arrays for a problem of at most rows + nf, in sw->contacts: those of lag_contacts, two solutions, the rows of the
  * layer, and `extra`, a and lambda of the system. */
 typedef struct {

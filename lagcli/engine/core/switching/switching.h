@@ -66,7 +66,7 @@ typedef struct {
     int *state, *place;                /* count: their indices in y; 2 nq: the inverse */
     int *used;                         /* 2 nq: bits of the tapes that read it */
     lag_interval *jets;                /* count jets: on the interval that is looked at */
-    double *error;                     /* count: rounding errors of states that rows hold; of conditions alone */
+    double *error;                     /* count: rounding errors of states that rows hold; of conditions and kinks */
     int held;                          /* whether there are any */
     int *ready;                        /* count: orders of derivatives whose control points are known */
     int degree;
@@ -109,7 +109,8 @@ typedef struct {
     lag_tape tape;                     /* of (t, q, v, p): the functions, their sizes */
     double *branch, *bound;            /* count: values; the whole numbers that functions are at */
     double *size, *growth, *rounding;  /* count: largest sizes so far; scratch */
-    int *state;                        /* count: effect of the instant */
+    double *held;                      /* count: what rows that hold leave of functions at the instant */
+    int *state, *stays;                /* count: effect of the instant; whether rows hold it beside its surface */
     int slides;                        /* the kink on whose surface the motion slides; -1 */
     double weight, rates;              /* weight of the upper side; difference of the rates of the two sides */
     double *both, *y;                  /* scratch; both: upper less lower a, ..., and their combination */
