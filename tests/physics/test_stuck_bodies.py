@@ -379,30 +379,20 @@ def test_a_body_that_begins_to_slip_does_not_stick_at_once(drag: str, rtol: floa
     assert kept[0] > kept[1]
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_force_that_jumps_at_rest_has_one_side_while_friction_holds(method: str) -> None:
-    """A body comes to rest from x' > 0; the spring moves it back when the friction gives way.
-
-    While it stands, the force is that of x' > 0, from which it came, -9, or any between -9 and -4,
-    as the surface x' = 0 bears it. So x' stays 0 until f - 4 + 2.5 < 0. Before, rounding errors of
-    x' chose the force: it was -4 or -9 from one instant to the next.
-    """
+@pytest.mark.parametrize("condition", ["x2' > 0", "x2 > 0.2 and x2' > 0"])
+def test_a_force_that_jumps_at_rest_has_one_side_while_friction_holds(condition: str) -> None:
+    """Rounding errors of x2' chose the force: x2 stuck and slipped at other times for other rtol."""
     model = lagcli.load_text(
-        "coordinates: [x]\nT: 1.3*x'^2/2\n"
-        "Q: {x: \"if(x' > 0, -9, -4) + 9 - 5*t\"}\n"
-        "constraints:\n  friction: {expr: x' = 0, limit: 2.5}\n"
-        "events:\n  tick: {every: 0.1, record: [x]}\n"
-        "initial: {x: 0.3, x': 1}\n"
+        "coordinates: [x1, x2]\nT: 1.497*x1'^2/2 + 1.751*x2'^2/2\nV: 3.035*(x1 - x2)^2\n"
+        "Q:\n  x1: -1.575*x1*abs(x1 - 0.214)\n"
+        f'  x2: "if({condition}, -11.01, -5.505*x2)"\n'
+        "constraints:\n  friction: {expr: x2' = 0, limit: 2.76}\n"
+        "initial: {x1: 0.008553, x1': 1.98, x2: 0.7374, x2': -1.383}\n"
     )
-    ends = []
-    for rtol in (1e-7, 1e-8, 1e-9, 1e-10, 1e-11):
-        run = lagcli.simulate(model, t_end=3, samples=301, rtol=rtol, method=method)
+    logs = []
+    for rtol in (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12):
+        run = lagcli.simulate(model, t_end=2, samples=2, rtol=rtol)
         assert run.status == "completed", run.message
-        stands = np.abs(run.v[:, 0]) < 1e-12
-        assert run.time[stands][-1] == pytest.approx(1.5, abs=0.011)
-        moved = run.time >= 1.52
-        # 1.3 v' = 5 (1.5 - t): as long as x' < 0
-        expected = -5 * (run.time[moved] - 1.5) ** 2 / 2 / 1.3
-        assert run.v[moved, 0] == pytest.approx(expected, abs=1e-6)
-        ends.append([kind for kind in (run.events.kinds if run.events else ()) if kind != "event"])
-    assert all(end == ends[0] for end in ends)
+        assert run.events is not None
+        logs.append([(k, round(float(t), 5)) for k, t in zip(run.events.kinds, run.events.time)])
+    assert all(log == logs[-1] for log in logs), logs
