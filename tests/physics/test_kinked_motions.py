@@ -270,3 +270,25 @@ def test_forces_that_begin_at_rest(method: str, power: int) -> None:
     expected = 1.94 ** (power + 2) / ((power + 1) * (power + 2))
     assert run.q[-1, 0] == pytest.approx(expected, rel=1e-7)
     assert run.status == "completed"
+
+
+@pytest.mark.parametrize("rtol", [1e-8, 1e-9, 1e-10, 1e-12])
+def test_a_body_that_a_jump_of_its_brake_holds_stops_once(rtol: float) -> None:
+    """The brake's force is given by a table, so that no row holds the body: it rests on x1' = 0."""
+    model = lagcli.load_text("""
+coordinates: [x1, x2]
+inputs:
+  F: {times: [0, 0.3, 0.7, 1.1, 1.6, 3], values: [1, 9, 8, 9, 7, 8], interpolation: linear}
+T: x1'^2/2 + 0.7*x2'^2/2
+V: 5*(x1 - x2)^2/2
+Q: {x1: "-F*sign(x1')"}
+events:
+  stops: {when: "x1' = 0", record: [x1]}
+initial: {x1: 0, x1': 1.3, x2: 0.1, x2': 0.3}
+simulation: {t_end: 3, samples: 7}
+""")
+    run = lagcli.simulate(model, rtol=rtol)
+    assert run.status == "completed", run.message
+    assert run.events is not None
+    assert len(run.events.time) == 1  # the spring never pulls with more than F
+    assert np.abs(run.v[1:, 0]).max() < 1e-12

@@ -205,6 +205,19 @@ static void add_rounding(lag_run *run, int row)
     add_errors(run, row, HELD * sw->size[row], HELD * fmax(sw->speed[row], time * by_force) + sw->stray[row]);
 }
 
+/* Add the errors of the velocities that a surface determines on which the motion slides, where its function is off by
+ * this. */
+static void add_surface(lag_run *run, double off)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    lag_enclosure *e = &run->switching.enclosure;
+    const int nq = run->system.nq;
+    for (int i = 0; i < e->count; ++i)
+        if (e->state[i] >= nq)
+            e->error[i] += fabs(k->both[e->state[i] - nq] / k->rates) * off;
+    e->held = 1;
+}
+
 static void no_errors(lag_enclosure *e)
 {
     if (e->held)
@@ -227,6 +240,8 @@ int lag_enclosure_touch(lag_run *run, double t, const double *y)
         lag_row_response(run, i);
         add_rounding(run, i);
     }
+    if (sw->kinks.slides >= 0)
+        add_surface(run, HELD * sw->kinks.size[sw->kinks.slides]);
     return 0;
 }
 
@@ -243,6 +258,8 @@ void lag_enclosure_stray(lag_run *run)
         for (int i = 0; i < sw->rows; ++i)
             if (sw->mode[i] == LAG_HOLDS)
                 add_errors(run, i, fabs(sw->phi[i]), fabs(sw->psi[i]));
+        if (sw->kinks.slides >= 0)
+            add_surface(run, fabs(lag_off_surface(run, t, sw->y)));
     }
 }
 
@@ -259,6 +276,8 @@ void lag_enclosure_begin(lag_run *run, const double *f)
     for (int i = 0; i < sw->rows && e->watched & OF_HELD_STATES; ++i)
         if (sw->mode[i] == LAG_HOLDS)
             add_rounding(run, i);
+    if (sw->kinks.slides >= 0 && e->watched & OF_HELD_STATES)
+        add_surface(run, HELD * sw->kinks.size[sw->kinks.slides]);
     for (int i = 0; i < e->count; ++i) {
         if (!(e->used[e->state[i]] & e->watched))
             continue;

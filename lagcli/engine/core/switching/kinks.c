@@ -246,14 +246,20 @@ static int continuous(const lag_run *run)
     return 1;
 }
 
+double lag_off_surface(lag_run *run, double t, const double *y)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    evaluate(run, t, y);
+    return OUT(&k->tape, k->slides) - (k->whole[k->slides] ? k->bound[k->slides] : 0.0);
+}
+
 int lag_hold_surface(lag_run *run, double t, double *y)
 {
     lag_kinks *k = &run->switching.kinks;
     const int nq = run->system.nq;
     double power;
     for (int step = 0; step < 2; ++step) {
-        evaluate(run, t, y);
-        const double g = OUT(&k->tape, k->slides) - (k->whole[k->slides] ? k->bound[k->slides] : 0.0);
+        const double g = lag_off_surface(run, t, y);
         if (g == 0.0)
             break;
         if (lag_slide(run, t, y, 0, &power))

@@ -31,6 +31,9 @@ void lag_leave_surface(lag_run *run, double side);
 /* a, lambda and power of a motion that slides on a surface: the combination of both sides that stays on it. */
 int lag_slide(lag_run *run, double t, const double *y, int refined, double *power);
 
+/* By how much the function of the surface on which the motion slides is off it. */
+double lag_off_surface(lag_run *run, double t, const double *y);
+
 /* Project the velocities onto the surface on which the motion slides. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_hold_surface(lag_run *run, double t, double *y);
 
