@@ -292,3 +292,25 @@ simulation: {t_end: 3, samples: 7}
     assert run.events is not None
     assert len(run.events.time) == 1  # the spring never pulls with more than F
     assert np.abs(run.v[1:, 0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-11, 1e-12, 1e-13])
+def test_a_controller_that_slides_converges_at_its_rate_at_any_tolerance(rtol: float) -> None:
+    """On s + 0.3 s' = 0.13, s = 0.13 + c exp(-t/0.3), whatever the motion of the support is.
+
+    Rounding errors of the surface's rate stopped runs at tight tolerances.
+    """
+    model = lagcli.load_text("""
+coordinates: [x, z]
+T: 0.4*x'^2 + 0.7*z'^2
+V: 15.8*(z - x)^2
+Q: {z: "-19.74*sign(z - x - 0.13 + 0.3*(z' - x'))"}
+constraints: {support: x = 0.32*(1 - cos(3.022*t))}
+initial: {x: {guess: 0}, x': {guess: 0}, z: 0, z': 0}
+""")
+    run = lagcli.simulate(model, t_end=1, rtol=rtol, times=[0, 0.1, 0.3, 0.6, 1])
+    assert run.status == "completed", run.message
+    s, rate = run.q[1:, 1] - run.q[1:, 0], run.v[1:, 1] - run.v[1:, 0]
+    assert s + 0.3 * rate == pytest.approx(0.13, abs=1e-10)
+    expected = (s[0] - 0.13) * np.exp(-(run.time[1:] - 0.1) / 0.3)
+    assert s - 0.13 == pytest.approx(expected, abs=max(10 * rtol, 1e-11))

@@ -425,6 +425,22 @@ double lag_held_error_of_kink(lag_run *run, int kink, double t, const double *y)
     return run->switching.enclosure.held ? error_of(run, KINKS, kink, t, y) : 0.0;
 }
 
+double lag_rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *a)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    lag_jet_tape *tape = e->tapes + KINKS;
+    const int nq = run->system.nq;
+    for (int i = 0; i < e->count; ++i) {
+        const int state = e->state[i];
+        const double rate = state < nq ? y[nq + state] : a[state - nq];
+        e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
+        e->jets[(int64_t)JET * i + 1] = (lag_interval){rate, rate};
+    }
+    evaluate(run, tape, t, t, 1);
+    const lag_interval slope = lag_jet_output(tape, kink)[1];
+    return 0.5 * (slope.low + slope.high);
+}
+
 int lag_is_undefined(lag_run *run, int k)
 {
     lag_switching *sw = &run->switching;

@@ -175,13 +175,16 @@ static void take_sides(lag_run *run, int n, const int *list, int sides)
         take_branch(run, list[i], branch_beside(k, list[i], sides >> i & 1));
 }
 
-/* The rates of a surface's function along accelerations a. */
+/* The rate of a surface's function along accelerations a: by its jet, or by differences where that has no bounds. */
 static double rate_along(lag_run *run, int kink, double t, const double *y, const double *a)
 {
     lag_kinks *k = &run->switching.kinks;
     const int nq = run->system.nq;
     const double d = AROUND * (run->step.h > 0.0 ? fmin(run->step.h, 1.0) : 1.0);
+    const double rate = lag_rate_of_kink(run, kink, t, y, a);
     double change = 0.0;
+    if (isfinite(rate))
+        return rate;
     for (int sign = -1; sign <= 1; sign += 2) {
         for (int i = 0; i < nq; ++i) {
             k->y[i] = y[i] + sign * d * y[nq + i];
