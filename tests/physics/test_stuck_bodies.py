@@ -293,7 +293,7 @@ def test_tolerances_of_links_that_friction_holds_together(rtol: float) -> None:
 def test_a_body_on_a_stop_with_friction_leaves_when_the_friction_gives_way(
     share: float, side: int, method: str
 ) -> None:
-    """The stop bears what exceeds the friction: beyond G, the load moves the body by (t - t1)^3/6."""
+    """The stop bears what exceeds the friction: beyond G, the load moves it by (t - t1)^3/6."""
     limit, growth = 3.1, 5.5
     start = -share * limit
     begins = (limit - start) / growth
@@ -381,7 +381,7 @@ def test_a_body_that_begins_to_slip_does_not_stick_at_once(drag: str, rtol: floa
 
 @pytest.mark.parametrize("condition", ["x2' > 0", "x2 > 0.2 and x2' > 0"])
 def test_a_force_that_jumps_at_rest_has_one_side_while_friction_holds(condition: str) -> None:
-    """Rounding errors of x2' chose the force: x2 stuck and slipped at other times for other rtol."""
+    """Rounding errors of x2' chose the force: x2 stuck and slipped as rtol chose."""
     model = lagcli.load_text(
         "coordinates: [x1, x2]\nT: 1.497*x1'^2/2 + 1.751*x2'^2/2\nV: 3.035*(x1 - x2)^2\n"
         "Q:\n  x1: -1.575*x1*abs(x1 - 0.214)\n"
@@ -394,5 +394,5 @@ def test_a_force_that_jumps_at_rest_has_one_side_while_friction_holds(condition:
         run = lagcli.simulate(model, t_end=2, samples=2, rtol=rtol)
         assert run.status == "completed", run.message
         assert run.events is not None
-        logs.append([(k, round(float(t), 5)) for k, t in zip(run.events.kinds, run.events.time)])
+        logs.append((run.events.kinds, run.events.time.round(5).tolist()))
     assert all(log == logs[-1] for log in logs), logs

@@ -30,7 +30,8 @@ int lag_return(lag_run *run, double t, double *y)
         const double moved = fabs(y[i] - run->failure.y[i]);
         if (moved > FAR_ROUNDING * most * sizes[i]
             && moved > FAR * (run->tolerances.atol[i] + run->settings.rtol * fabs(y[i]))
-            && moved > FAR_PART * run->tolerances.largest[run->tolerances.kind[i]])
+            && moved > FAR_PART * run->tolerances.largest[run->tolerances.kind[i]]
+            && lag_position_residual(run, t, run->failure.y) > FAR_ROUNDING)
             return LAG_JUMPED;
     }
     return LAG_RUNNING;

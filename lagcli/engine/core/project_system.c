@@ -40,6 +40,18 @@ static void raise_scales(lag_run *run, double t, const double *y)
     }
 }
 
+double lag_position_residual(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *c = &s->constraint;
+    const lag_vector_kernel *vectors = s->vectors;
+    double *residual = run->step.work, *scale = residual + s->nh;
+    lag_evaluate(c, s, t, y, LAG_POSITIONS);
+    vectors->pick(s->nh, c->registers, c->outputs, residual);
+    vectors->pick(s->nh, c->registers, c->outputs + lag_constraint_position_scale(s), scale);
+    return vectors->largest(s->nh, residual, scale, run->projection.scale_position);
+}
+
 /* Take the residuals of rows that are left out from those at the given places; return the largest over its scale. */
 static double take_left_out(const lag_run *run, const int32_t *places, double *residual, const double *now,
                             const double *scale)

@@ -20,4 +20,7 @@
 /* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
 int lag_project_system(lag_run *run, double t, double *y);
 
+/* The largest residual of a holonomic constraint at y, of its scale. */
+double lag_position_residual(lag_run *run, double t, const double *y);
+
 #endif
