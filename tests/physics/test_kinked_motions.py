@@ -314,3 +314,39 @@ initial: {x: {guess: 0}, x': {guess: 0}, z: 0, z': 0}
     assert s + 0.3 * rate == pytest.approx(0.13, abs=1e-10)
     expected = (s[0] - 0.13) * np.exp(-(run.time[1:] - 0.1) / 0.3)
     assert s - 0.13 == pytest.approx(expected, abs=max(10 * rtol, 1e-11))
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("side", "force", "above"),
+    [
+        (1, "sign(y)", 1),
+        (-1, "sign(y)", -1),
+        (1, "if(y > 0, 1, -1)", 1),
+        (-1, "if(y < 0, -1, 2)", -1),
+        (1, "floor(5*y)", 0),
+        (-1, "ceil(5*y)", 0),
+        (1, "if(y' > 0, 1, -2)", 1),
+    ],
+)
+def test_a_closed_contact_has_the_forces_of_the_side_to_which_it_opens(
+    side: int, force: str, above: float, restitution: float, method: str
+) -> None:
+    """A force jumps where the floor, or the ceiling, is. Rounding errors of y chose it before."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y, z]
+T: 0.65*(x'^2 + y'^2) + z'^2/2
+V: {side}*6.4*y + 30*(x - z)^2
+Q: {{y: "-2*({force})", x: "9*sin(3.4*t)"}}
+constraints:
+  plane: {{expr: "{side}*y >= 0", restitution: {restitution}, friction: 0.3, slip: x'}}
+initial: {{x: 0, y: {0.3 * side}, z: 0, x': 0.41, y': 0, z': 0}}
+simulation: {{t_end: 2, samples: 21}}
+""")
+    for rtol in (1e-9, 1e-11):
+        result = lagcli.simulate(model, rtol=rtol, method=method, max_steps=20000)
+        assert result.status == "completed", result.message
+        pressing = result.multipliers[:, 0] != 0
+        assert pressing[-5:].all()
+        assert result.multipliers[pressing, 0] == pytest.approx(6.4 + 2 * side * above, rel=1e-9)

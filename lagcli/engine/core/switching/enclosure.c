@@ -195,14 +195,20 @@ static void add_errors(lag_run *run, int row, double gap, double speed)
     e->held = 1;
 }
 
-/* The errors that a row's rounding has: where nothing has moved yet, that of the force which holds it. */
-static void add_rounding(lag_run *run, int row)
+/* The rounding error of psi of a row that holds: where nothing has moved yet, that of the force which holds it. */
+static double speed_error(const lag_run *run, int row)
 {
     const lag_switching *sw = &run->switching;
     const double *response = sw->response + row * (run->system.nq + run->system.nc);
     const double by_force = fabs(sw->force[row]) * lag_along(run, row, response);
     const double time = LAG_HORIZON * (run->settings.t_end - run->step.t_start);
-    add_errors(run, row, HELD * sw->size[row], HELD * fmax(sw->speed[row], time * by_force) + sw->stray[row]);
+    return HELD * fmax(sw->speed[row], time * by_force) + sw->stray[row];
+}
+
+/* The errors that a row's rounding has. */
+static void add_rounding(lag_run *run, int row)
+{
+    add_errors(run, row, HELD * run->switching.size[row], speed_error(run, row));
 }
 
 /* Add the errors of the velocities that a surface determines on which the motion slides, where its function is off by
@@ -225,14 +231,21 @@ static void no_errors(lag_enclosure *e)
     e->held = 0;
 }
 
+/* Whether a row holds at an instant, or touches. */
+static int touches(const lag_run *run, int row)
+{
+    const lag_switching *sw = &run->switching;
+    const int closed = sw->law[row] == LAG_UNILATERAL && sw->phi[row] <= lag_no_gap(run, row);
+    return sw->active[row] && (closed || sw->mode[row] == LAG_HOLDS);
+}
+
 int lag_enclosure_touch(lag_run *run, double t, const double *y)
 {
     const lag_switching *sw = &run->switching;
     int factored = 0;
     no_errors(&run->switching.enclosure);
     for (int i = 0; i < sw->rows && (sw->conditions || sw->kinks.count); ++i) {
-        const int touches = sw->law[i] == LAG_UNILATERAL && sw->phi[i] <= lag_no_gap(run, i);
-        if (!sw->active[i] || !(touches || sw->mode[i] == LAG_HOLDS))
+        if (!touches(run, i))
             continue;
         if (!factored && lag_factor(run, t, y))
             return 1;
@@ -425,20 +438,59 @@ double lag_held_error_of_kink(lag_run *run, int kink, double t, const double *y)
     return run->switching.enclosure.held ? error_of(run, KINKS, kink, t, y) : 0.0;
 }
 
-double lag_rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *a)
+/* The rate of a kink's function at a state that changes by `rate`, nq of q and nq of v. */
+static lag_interval rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *of_q, const double *of_v)
 {
     lag_enclosure *e = &run->switching.enclosure;
     lag_jet_tape *tape = e->tapes + KINKS;
     const int nq = run->system.nq;
     for (int i = 0; i < e->count; ++i) {
         const int state = e->state[i];
-        const double rate = state < nq ? y[nq + state] : a[state - nq];
+        const double *of = state < nq ? of_q : of_v, rate = of ? of[state % nq] : 0.0;
         e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
         e->jets[(int64_t)JET * i + 1] = (lag_interval){rate, rate};
     }
     evaluate(run, tape, t, t, 1);
-    const lag_interval slope = lag_jet_output(tape, kink)[1];
+    return lag_jet_output(tape, kink)[1];
+}
+
+double lag_rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *a)
+{
+    const lag_interval slope = rate_of_kink(run, kink, t, y, y + run->system.nq, a);
     return 0.5 * (slope.low + slope.high);
+}
+
+/* The rate of a kink's function along the response of a row, in q and, if asked, in v. */
+static lag_interval rate_along_row(lag_run *run, int kink, int row, double t, const double *y, int with_speeds)
+{
+    const double *response = run->switching.response + row * (run->system.nq + run->system.nc);
+    const lag_interval by_time = rate_of_kink(run, kink, t, y, NULL, NULL);
+    const lag_interval whole = rate_of_kink(run, kink, t, y, response, with_speeds ? response : NULL);
+    return lag_interval_add(whole, lag_interval_scale(by_time, -1.0));
+}
+
+int lag_side_of_kink(lag_run *run, int kink, double t, const double *y)
+{
+    const lag_switching *sw = &run->switching;
+    int side = 0;
+    for (int i = 0; i < sw->rows && !side; ++i)
+        if (sw->law[i] == LAG_UNILATERAL && touches(run, i))
+            side = lag_interval_sign(rate_along_row(run, kink, i, t, y, 1));
+    return side;
+}
+
+double lag_held_rate_of_kink(lag_run *run, int kink, double t, const double *y)
+{
+    const lag_switching *sw = &run->switching;
+    double error = 0.0;
+    for (int i = 0; i < sw->rows; ++i) {
+        if (!touches(run, i))
+            continue;
+        const double inertia = lag_along(run, i, sw->response + i * (run->system.nq + run->system.nc));
+        if (inertia > 0.0)
+            error += lag_interval_size(rate_along_row(run, kink, i, t, y, 0)) / inertia * speed_error(run, i);
+    }
+    return error;
 }
 
 int lag_is_undefined(lag_run *run, int k)

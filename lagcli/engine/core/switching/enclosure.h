@@ -44,6 +44,13 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
 /* The rate of a kink's function at a state with accelerations a; not finite where it has no bounds. */
 double lag_rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *a);
 
+/* The sign of a kink's function where contacts that touch open; 0 where these do not change it. Their responses are
+ * known. */
+int lag_side_of_kink(lag_run *run, int kink, double t, const double *y);
+
+/* The error of the rate of a kink's function due to the velocities that such rows hold. */
+double lag_held_rate_of_kink(lag_run *run, int kink, double t, const double *y);
+
 /* Whether an operation of its tape was undefined in all of the interval that it was evaluated on last. */
 int lag_is_undefined(lag_run *run, int k);
 

@@ -75,8 +75,10 @@ static int find_held(lag_run *run)
         return 0;
     if (lag_find_rows(run, run->step.t, run->step.y) || lag_enclosure_touch(run, run->step.t, run->step.y))
         return 1;
-    for (int i = 0; i < k->count; ++i)
+    for (int i = 0; i < k->count; ++i) {
         k->held[i] = lag_held_error_of_kink(run, i, run->step.t, run->step.y);
+        k->drift[i] = k->held[i] > 0.0 ? lag_held_rate_of_kink(run, i, run->step.t, run->step.y) : 0.0;
+    }
     return 0;
 }
 
@@ -146,7 +148,7 @@ static void look_ahead(lag_run *run, const double *a)
     evaluate_ahead(run, d, a, NULL);
     for (int i = 0; i < k->count; ++i) {
         k->growth[i] = OUT(&k->tape, i);
-        k->rounding[i] = CONTINUOUS * fabs(k->rounding[i] - k->growth[i]);
+        k->rounding[i] = CONTINUOUS * fabs(k->rounding[i] - k->growth[i]) + d * k->drift[i];
     }
     evaluate(run, t, y);
     for (int i = 0; i < k->count; ++i) {
@@ -329,6 +331,18 @@ static void follow_branches(lag_run *run)
     }
 }
 
+/* Whether a function on its surface is taken to be above it, where the motion does not tell: where the contact that
+ * holds it opens; where it is, if another row holds it; on the other side, if it crosses; and if it begins there. */
+static int may_be_above(lag_run *run, int kink, int crossed)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    const int above = k->branch[kink] == branch_beside(k, kink, UPPER);
+    const int held = k->held[kink] > 0.0, side = held ? lag_side_of_kink(run, kink, run->step.t, run->step.y) : 0;
+    if (side)
+        return side > 0;
+    return held && run->switching.begun ? above : !crossed || !above;
+}
+
 int lag_choose_branches(lag_run *run)
 {
     lag_kinks *k = &run->switching.kinks;
@@ -341,19 +355,15 @@ int lag_choose_branches(lag_run *run)
     if (k->slides >= 0 && k->state[k->slides] != LAG_SIDE_KNOWN)
         k->state[k->slides] = LAG_ON_SURFACE;
     k->slides = -1;
-    for (int i = 0; i < k->count; ++i) {
+    for (int i = 0; i < k->count; ++i)
         crossed |= k->state[i] != LAG_OFF_SURFACE;
-        k->stays[i] = run->switching.begun && k->state[i] == LAG_OFF_SURFACE && k->held[i] > 0.0;
-    }
     take_clear_branches(run);
     for (int i = 0; i < k->count; ++i) {
         if (k->state[i] != LAG_ON_SURFACE)
             continue;
         if (n == MOST_AT_ONCE)
             return LAG_SURFACES;
-        /* rows hold it beside the surface; or it crosses, or begins above */
-        const int above = k->branch[i] == branch_beside(k, i, UPPER);
-        preferred |= ((k->stays[i] ? !above : crossed && above) ? LOWER : UPPER) << n;
+        preferred |= (may_be_above(run, i, crossed) ? UPPER : LOWER) << n;
         list[n++] = i;
     }
     k->undecided = n;

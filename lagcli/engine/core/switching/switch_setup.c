@@ -65,11 +65,10 @@ static void allocate(lag_run *run)
     sw->sign_value = lag_doubles(pool, sw->signs);
     sw->sign_size = lag_doubles(pool, sw->signs);
     lag_kinks *k = &sw->kinks;
-    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding, &k->held};
+    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding, &k->held, &k->drift};
     for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
         *by_kink[i] = lag_doubles(pool, k->count);
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));
-    k->stays = lag_get(pool, (size_t)k->count, sizeof(int));
     k->both = lag_doubles(pool, INT64_C(2) * (size + sw->nc + all + 1));
     k->y = lag_doubles(pool, n);
 }

@@ -109,8 +109,8 @@ typedef struct {
     lag_tape tape;                     /* of (t, q, v, p): the functions, their sizes */
     double *branch, *bound;            /* count: values; the whole numbers that functions are at */
     double *size, *growth, *rounding;  /* count: largest sizes so far; scratch */
-    double *held;                      /* count: what rows that hold leave of functions at the instant */
-    int *state, *stays;                /* count: effect of the instant; whether rows hold it beside its surface */
+    double *held, *drift;              /* count: what rows that hold leave of functions and their rates at the instant */
+    int *state;                        /* count: effect of the instant */
     int slides;                        /* the kink on whose surface the motion slides; -1 */
     double weight, rates;              /* weight of the upper side; difference of the rates of the two sides */
     double *both, *y;                  /* scratch; both: upper less lower a, ..., and their combination */
