@@ -350,3 +350,17 @@ simulation: {{t_end: 2, samples: 21}}
         pressing = result.multipliers[:, 0] != 0
         assert pressing[-5:].all()
         assert result.multipliers[pressing, 0] == pytest.approx(6.4 + 2 * side * above, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_a_body_that_comes_to_rest_in_a_notch_is_an_error(method: str) -> None:
+    """Both sides push onto x = 0, which bears no force: the body crosses it without end."""
+    model = lagcli.load_text(
+        "coordinates: [x]\nT: 0.85*x'^2\nV: 59*x^2 + 7.6*abs(x)\n"
+        "constraints: {friction: {expr: x' = 0, limit: 5.9}}\n"
+        "initial: {x: 0.13, x': -0.14}\n"
+    )
+    result = lagcli.simulate(model, t_end=20, samples=2, method=method, max_steps=100_000)
+    assert result.status == "failed"
+    assert "do not end" in result.message
+    assert "a branch of `x`" in result.message

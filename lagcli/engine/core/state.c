@@ -203,7 +203,8 @@ static void implicit(lag_archive *a, lag_run *run)
 
 static void kinks(lag_archive *a, lag_kinks *k)
 {
-    double *several[] = {k->branch, k->bound, k->size, k->growth, k->rounding, k->held, k->drift};
+    double *several[] = {k->branch, k->bound, k->size,     k->growth,  k->rounding,
+                         k->held,   k->drift, k->vanished, k->recurred};
     reals(a, several, LENGTH(several), k->count);
     lag_archive_integers(a, k->state, k->count, LAG_OFF_SURFACE, LAG_SIDE_KNOWN);
     lag_archive_int(a, &k->slides, -1, k->count - 1);

@@ -438,6 +438,23 @@ double lag_held_error_of_kink(lag_run *run, int kink, double t, const double *y)
     return run->switching.enclosure.held ? error_of(run, KINKS, kink, t, y) : 0.0;
 }
 
+double lag_error_of_states(lag_run *run, int k, double t, const double *y, double tolerances)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    const int held = e->held;
+    lag_interval out;
+    for (int i = 0; i < e->count; ++i) {
+        const int state = e->state[i];
+        const double error = tolerances * (run->tolerances.atol[state] + run->settings.rtol * fabs(y[state]));
+        e->jets[(int64_t)JET * i] = (lag_interval){y[state] - error, y[state] + error};
+    }
+    e->held = 0;
+    evaluate(run, e->tapes + tape_of(run->switching.watched[k].what), t, t, 0);
+    e->held = held;
+    take_output(run, k, 0, &out);
+    return 0.5 * (out.high - out.low);
+}
+
 /* The rate of a kink's function at a state that changes by `rate`, nq of q and nq of v. */
 static lag_interval rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *of_q, const double *of_v)
 {

@@ -41,6 +41,9 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
 /* The value and the rate of watched function k at a state, where y' = f, to `out`. */
 void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double *f, lag_interval *out);
 
+/* The error of watched function k where states are off by so many tolerances of a step. */
+double lag_error_of_states(lag_run *run, int k, double t, const double *y, double tolerances);
+
 /* The rate of a kink's function at a state with accelerations a; not finite where it has no bounds. */
 double lag_rate_of_kink(lag_run *run, int kink, double t, const double *y, const double *a);
 

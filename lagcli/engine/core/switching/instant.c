@@ -25,6 +25,8 @@
 #include "watch.h"
 
 #define ROUNDS 100          /* rounds at one instant after which it counts as endless */
+#define AGAIN 1e-7          /* of the run: a function of a branch vanishes again so soon; ... */
+#define OFTEN 1000          /* ... if it does so often in a row, it does not end */
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant not later than the last one */
 #define BETWEEN 2.0         /* of the time between instants: limit of a step after one; longer steps locate the next
                                one less accurately */
@@ -66,7 +68,18 @@ int lag_jams(lag_run *run)
            && fabs(run->switching.margin) < JAMMING;
 }
 
-/* Record the watched functions that cross zero and end a mode. Returns LAG_RUNNING, or LAG_JAMMED. */
+/* Whether a function of a branch vanishes again and again, as where a body comes to rest in a notch: the times between
+ * become those in which it moves by rounding errors. */
+static int recurs(lag_run *run, int kink)
+{
+    lag_kinks *k = &run->switching.kinks;
+    const double t = run->switching.instant, soon = AGAIN * (run->settings.t_end - run->step.t_start);
+    k->recurred[kink] = k->recurred[kink] > 0.0 && t - k->vanished[kink] < soon ? k->recurred[kink] + 1.0 : 1.0;
+    k->vanished[kink] = t;
+    return k->recurred[kink] > OFTEN;
+}
+
+/* Record the watched functions that cross zero and end a mode. Returns LAG_RUNNING, LAG_JAMMED or LAG_ENDLESS. */
 static int note_ends(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -89,6 +102,8 @@ static int note_ends(lag_run *run)
         else if (w->what == LAG_WATCH_KINK) {
             sw->kinks.state[w->which] = LAG_ON_SURFACE;
             ++sw->kinks.crossed;
+            if (recurs(run, w->which))
+                return LAG_ENDLESS;
         } else if (w->what == LAG_WATCH_SURFACE)
             lag_leave_surface(run, -w->sign);
         else if (w->what >= LAG_WATCH_CONDITION) {

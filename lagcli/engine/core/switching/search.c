@@ -427,7 +427,7 @@ static void find_sides(lag_run *run)
         if (!w->hit || !lag_is_enclosed(w->what) || w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].rests)
             continue;
         lag_condition *condition = sw->condition + w->which;
-        const double low = sw->since, h = run->step.t - low, noise = fmax(w->noise, lag_condition_noise(condition));
+        const double low = sw->since, h = run->step.t - low, noise = fmax(fmax(w->noise, w->stray), lag_condition_noise(condition));
         double part = EARLIEST;
         int side = 0;
         for (; part <= 1.0 && !side; part *= 2.0) {

@@ -65,7 +65,8 @@ static void allocate(lag_run *run)
     sw->sign_value = lag_doubles(pool, sw->signs);
     sw->sign_size = lag_doubles(pool, sw->signs);
     lag_kinks *k = &sw->kinks;
-    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding, &k->held, &k->drift};
+    double **by_kink[] = {&k->branch, &k->bound, &k->size,     &k->growth,  &k->rounding,
+                          &k->held,   &k->drift, &k->vanished, &k->recurred};
     for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
         *by_kink[i] = lag_doubles(pool, k->count);
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));

@@ -110,6 +110,7 @@ typedef struct {
     double *branch, *bound;            /* count: values; the whole numbers that functions are at */
     double *size, *growth, *rounding;  /* count: largest sizes so far; scratch */
     double *held, *drift;              /* count: what rows that hold leave of functions and their rates at the instant */
+    double *vanished, *recurred;       /* count: when they vanished last; how often in a row soon after */
     int *state;                        /* count: effect of the instant */
     int slides;                        /* the kink on whose surface the motion slides; -1 */
     double weight, rates;              /* weight of the upper side; difference of the rates of the two sides */

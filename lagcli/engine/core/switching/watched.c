@@ -390,7 +390,7 @@ int lag_penetrates(lag_run *run)
 {
     for (int k = 0; k < run->switching.watched_count; ++k) {
         const lag_watched_function *w = run->switching.watched + k;
-        if (w->stray > 0.0
+        if (w->what == LAG_WATCH_GAP && w->stray > 0.0
             && lag_watched_value(run, w, run->step.t, run->step.y_new) < -fmax(w->noise, lag_watched_noise(run, w)))
             return 1;
     }
@@ -419,18 +419,17 @@ static double resolved_from(const lag_run *run, const lag_watched_function *w, d
     return just_now ? t + 2.0 * lag_one_instant(run, t) : t;
 }
 
-/* How far the dense output may be off a gap that opens from zero. Those of implicit methods do not have the slope of
- * the step's start there. */
-static double error_of_gap(const lag_run *run, int row, const double *y)
+/* How far the dense output may be off a gap that opens from zero, or another function that does not leave zero at once.
+ * Those of implicit methods do not have the slope of the step's start there. */
+static double error_of_dense(lag_run *run, int k, double t, const double *y, int stays)
 {
     const lag_switching *sw = &run->switching;
-    double sum = 0.0;
-    if (run->method->uses_slope || run->method->uses_series)
+    const lag_watched_function *w = sw->watched + k;
+    if (run->method->uses_slope || run->method->uses_series || !lag_is_enclosed(w->what) || lag_is_of_time(sw, w)
+        || !(stays || w->what == LAG_WATCH_GAP))
         return 0.0;
-    for (int i = 0; i < run->system.nq; ++i)
-        sum += fabs(sw->jacobian[row * run->system.nq + i])
-               * (run->tolerances.atol[i] + run->settings.rtol * fabs(y[i]));
-    return LOOSE * sum;
+    const double error = lag_error_of_states(run, k, t, y, LOOSE);
+    return isfinite(error) ? error : 0.0;
 }
 
 /* Whether a condition begins at its value: it has just happened, or rests there, or the run starts. */
@@ -518,7 +517,9 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         w->noise = values[k] < rounding ? fmax(rounding, -values[k]) : 0.0;
         if (w->what == LAG_WATCH_CONDITION && slopes[k] == 0.0 && fabs(values[k]) <= lag_watched_noise(run, w))
             w->noise = fmax(w->noise, lag_watched_noise(run, w)); /* it rests next to zero, by a rounding error */
-        w->stray = w->what == LAG_WATCH_GAP && w->noise > 0.0 ? error_of_gap(run, w->which, y) : 0.0;
+        const double zero = fmax(rounding, lag_watched_noise(run, w));
+        const int stays = fabs(values[k]) <= zero && fabs(SOON * slopes[k] * run->step.h) <= zero;
+        w->stray = w->noise > 0.0 || stays ? error_of_dense(run, k, t, y, stays) : 0.0;
         if (w->what >= LAG_WATCH_CONDITION
             && w->noise > fmax(WRONG * lag_watched_noise(run, w), TWICE * sw->condition[w->which].off))
             w->noise = rounding; /* it jumps at the instant */
