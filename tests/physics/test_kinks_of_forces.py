@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import lagcli
 from lagcli.trajectory.trajectory import Trajectory
@@ -392,3 +393,48 @@ simulation: {{t_end: 20, samples: 2}}
     assert found.events is not None
     assert len(expected) == len(found.events.time)
     assert found.events.time == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "function"),
+    [
+        ("1.2*atan(20*(lambda.rail + 0.33))", lambda x: 1.2 * np.arctan(20 * (x + 0.33))),
+        ("0.6*tanh(50*(lambda.rail - 0.23))", lambda x: 0.6 * np.tanh(50 * (x - 0.23))),
+        ("0.7*sqrt((lambda.rail - 1.1)^2 + 1e-6)", lambda x: 0.7 * np.sqrt((x - 1.1) ** 2 + 1e-6)),
+        ("-0.5*sin(2*lambda.rail)", lambda x: -0.5 * np.sin(2 * x)),
+    ],
+)
+@pytest.mark.parametrize("slope", [-1.2, -0.6])
+def test_forces_that_bend_sharply_with_multipliers_obey_their_laws(
+    law: str, function: Callable[[float], float], slope: float
+) -> None:
+    """On y = k x, lambda = k x'' - g and (1 + k^2) x'' = F(lambda) + f + k g, solved for lambda.
+
+    Newton's method does not converge from everywhere: forces that it had not found were taken.
+    """
+    model = lagcli.load_text(
+        "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\n"
+        f'Q: {{x: "{law} + 4*sin(3*t)", y: -0.8}}\nconstraints: {{rail: y = {slope}*x}}\n'
+        "initial: {x: 0, y: {guess: 0}, x': 0, y': {guess: 0}}\n"
+    )
+    result = lagcli.simulate(model, t_end=2, samples=41, max_steps=5000)
+    assert result.status == "completed", result.message
+
+    def rest(multiplier: float, t: float) -> float:
+        push = function(multiplier) + 4 * math.sin(3 * t) - 0.8 * slope
+        return multiplier - slope * push / (1 + slope**2) - 0.8
+
+    expected = [brentq(rest, -50, 50, (t,), xtol=1e-14) for t in result.time.tolist()]
+    assert result.multipliers[:, 0] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", ["3.3*sin(6*lambda.rail)", "2*(lambda.rail - 1)^2"])
+def test_forces_that_are_not_found_end_the_run(law: str) -> None:
+    model = lagcli.load_text(
+        "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\n"
+        f'Q: {{x: "{law} + 4*sin(3*t)", y: -0.8}}\nconstraints: {{rail: y = 1.7*x}}\n'
+        "initial: {x: 0, y: {guess: 0}, x': 0, y': {guess: 0}}\n"
+    )
+    result = lagcli.simulate(model, t_end=2, samples=41, max_steps=5000)
+    assert result.status == "failed"
+    assert "no finite value" in result.message

@@ -7,7 +7,11 @@
 #include "motion.h"
 #include "switching/rows.h"
 
-#define ITERATIONS 20       /* of Newton's method; one is enough if laws are affine in multipliers */
+#define ITERATIONS 60       /* of Newton's method; one is enough if laws are affine in multipliers */
+#define PLAIN 10            /* of these, after which steps are halved that do not reduce what the laws lack ... */
+#define SHORTEST 1e-6       /* ... down to this part */
+#define OBEYED (4.0 * DBL_EPSILON)  /* of the terms of laws: what they may lack, ... */
+#define ROUGHLY 1e-11       /* ... and where rounding errors do not let it become less */
 #define EXACT 1e-14         /* of the forces: convergence */
 #define INERT 1e-10         /* of the inverse inertia without constraints: a smaller one is a rounding error */
 
@@ -130,18 +134,27 @@ static int is_held(const lag_switching *sw, int k)
     return k < sw->rows && !lag_row_slips(sw, k);
 }
 
-/* Whether the laws hold to within rounding, where `scale` is not 0. */
-static int are_obeyed(const lag_switching *sw, const acting_forces *f, const double *scale)
+/* What the laws lack where `scale` is not 0, and the size of their terms, to `size`. */
+static double lack(const lag_switching *sw, const acting_forces *f, const double *scale, double *size)
 {
-    double part = 0.0, terms = 0.0;
+    double part = 0.0;
+    *size = 0.0;
     for (int i = 0; i < f->n; ++i) {
         const double d = scale[i], force = d * fabs(f->z[i]);
         if (!(d > 0.0))
             continue;
         part = fmax(part, is_held(sw, f->acts[i]) ? fabs(f->residual[i]) / d : d * fabs(f->residual[i]));
-        terms = fmax(terms, fmax(fabs(f->offset[i]) / d, force));
+        *size = fmax(*size, fmax(fabs(f->offset[i]) / d, force));
     }
-    return part <= 4.0 * DBL_EPSILON * terms;
+    return part;
+}
+
+/* Whether the laws lack no more than a part of their terms. */
+static int are_obeyed(const lag_switching *sw, const acting_forces *f, double part)
+{
+    double size, inert;
+    const int obeyed = lack(sw, f, f->scale, &size) <= part * size;
+    return obeyed && lack(sw, f, f->inert, &inert) <= part * inert;
 }
 
 /* Whether the step from which the forces come was small, where `scale` is not 0. */
@@ -195,30 +208,43 @@ static int solve_step(lag_switching *sw, const acting_forces *f, double *residua
 }
 
 /* Newton's method on the laws. `held` is the determinant of the rows that hold alone, 0 where they
- * depend on each other. */
+ * depend on each other. Returns 1 where there is no solution, or none is found. */
 static int solve_laws(lag_run *run, double t, const double *y, const acting_forces *f, double held,
                       double *memory)
 {
     lag_switching *sw = &run->switching;
+    double lacked = INFINITY, part = 1.0, size, *step = memory, *rest = memory + f->n;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         double sum = 0.0;
         linearize(run, t, y, f);
-        if (iteration && are_obeyed(sw, f, f->scale) && are_obeyed(sw, f, f->inert))
+        if (iteration && are_obeyed(sw, f, OBEYED))
             return 0;
-        if (solve_step(sw, f, f->residual, held == 0.0, memory))
+        const double now = iteration < PLAIN ? 0.0 : lack(sw, f, f->scale, &size) + lack(sw, f, f->inert, &size);
+        if (now >= lacked && part > SHORTEST) {
+            part *= 0.5;
+            for (int i = 0; i < f->n; ++i)
+                f->z[i] += part * step[i];
+            continue;
+        }
+        if (iteration >= PLAIN)
+            lacked = now;
+        if (solve_step(sw, f, f->residual, held == 0.0, rest))
             return 1;
         sw->margin = held != 0.0 ? determinant(sw->lu, sw->pivots, f->n) / held : 1.0;
+        part = 1.0;
         for (int i = 0; i < f->n; ++i) {
-            f->z[i] -= f->residual[i];
+            f->z[i] -= step[i] = f->residual[i];
             sum += f->z[i];
         }
         if (!isfinite(sum))
             return 1;
-        if (have_settled(f, f->scale) && have_settled(f, f->inert))
-            break;
+        if (have_settled(f, f->scale) && have_settled(f, f->inert)) {
+            superpose(run, f);
+            return 0;
+        }
     }
-    superpose(run, f);
-    return 0;
+    linearize(run, t, y, f);
+    return !are_obeyed(sw, f, ROUGHLY);
 }
 
 /* The inverse inertia at a row or a force without constraints. */

@@ -41,7 +41,7 @@ static void allocate(lag_run *run)
     sw->matrix = lag_doubles(pool, (int64_t)all * all);
     sw->lu = lag_doubles(pool, (int64_t)all * all);
     sw->multipliers = lag_doubles(pool, sw->nc);
-    sw->work = lag_doubles(pool, INT64_C(2) * size + INT64_C(9) * all + INT64_C(5) * all * all);
+    sw->work = lag_doubles(pool, INT64_C(2) * size + INT64_C(10) * all + INT64_C(5) * all * all);
     sw->pivots = lag_get(pool, (size_t)all, sizeof(int));
     sw->acts = lag_get(pool, 2 * (size_t)all, sizeof(int));
     sw->watched = lag_get(pool, (size_t)watched, sizeof *sw->watched);
