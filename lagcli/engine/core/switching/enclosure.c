@@ -6,14 +6,13 @@
 
 #include "bind.h"
 #include "methods/method.h"
-#include "motion.h"
 #include "polynomial.h"
 #include "solution.h"
 #include "step.h"
 #include "switching/crossing.h"
-#include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
+#include "switching/surfaces.h"
 
 #define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */

@@ -6,6 +6,7 @@
 #include "equations.h"
 #include "switching/enclosure.h"
 #include "switching/rows.h"
+#include "switching/surfaces.h"
 
 #define AHEAD 1e-7          /* of a step, or of the run: look-ahead at which accelerations determine a side */
 #define AROUND 1e-4         /* of a step: interval of difference quotients of a surface's function */
@@ -14,23 +15,6 @@
 #define MOST_AT_ONCE 10     /* largest number of surfaces at one instant */
 
 enum { UPPER, LOWER };
-
-double lag_kink_size(const lag_run *run, int kink)
-{
-    const lag_kinks *k = &run->switching.kinks;
-    return OUT(&k->tape, k->count + kink) + (k->whole[kink] ? 1.0 : 0.0);
-}
-
-double lag_kink_bound(const lag_run *run, int kink, double direction)
-{
-    const lag_kinks *k = &run->switching.kinks;
-    return k->whole[kink] ? k->branch[kink] + ((direction < 0.0) - (k->whole[kink] < 0)) : 0.0;
-}
-
-double lag_kink_distance(const lag_run *run, int kink, double direction)
-{
-    return OUT(&run->switching.kinks.tape, kink) - lag_kink_bound(run, kink, direction);
-}
 
 void lag_keep_branches(lag_run *run)
 {
@@ -249,13 +233,6 @@ static int continuous(const lag_run *run)
         if (fabs(k->both[i]) > CONTINUOUS * (fabs(run->solver.a[i]) + run->tolerances.acceleration_terms[i]))
             return 0;
     return 1;
-}
-
-double lag_off_surface(lag_run *run, double t, const double *y)
-{
-    const lag_kinks *k = &run->switching.kinks;
-    evaluate(run, t, y);
-    return OUT(&k->tape, k->slides) - (k->whole[k->slides] ? k->bound[k->slides] : 0.0);
 }
 
 int lag_hold_surface(lag_run *run, double t, double *y)

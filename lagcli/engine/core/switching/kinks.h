@@ -8,16 +8,6 @@
 /* Effect of an instant on a kink: none; its function vanishes; its side is known already. */
 enum { LAG_OFF_SURFACE, LAG_ON_SURFACE, LAG_SIDE_KNOWN };
 
-/* The bound of a kink's branch in a direction. */
-double lag_kink_bound(const lag_run *run, int kink, double direction);
-
-/* A kink's function less that bound, at the state that its tape holds: the branch
- * lasts while direction times that is positive. */
-double lag_kink_distance(const lag_run *run, int kink, double direction);
-
-/* The size of a kink's terms there. */
-double lag_kink_size(const lag_run *run, int kink);
-
 /* Write the branches to the parameters after these have been set. */
 void lag_keep_branches(lag_run *run);
 
@@ -30,9 +20,6 @@ void lag_leave_surface(lag_run *run, double side);
 
 /* a, lambda and power of a motion that slides on a surface: the combination of both sides that stays on it. */
 int lag_slide(lag_run *run, double t, const double *y, int refined, double *power);
-
-/* By how much the function of the surface on which the motion slides is off it. */
-double lag_off_surface(lag_run *run, double t, const double *y);
 
 /* Project the velocities onto the surface on which the motion slides. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_hold_surface(lag_run *run, double t, double *y);

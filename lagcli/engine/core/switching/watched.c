@@ -9,6 +9,7 @@
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
+#include "switching/surfaces.h"
 
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
