@@ -438,3 +438,4 @@ def test_forces_that_are_not_found_end_the_run(law: str) -> None:
     result = lagcli.simulate(model, t_end=2, samples=41, max_steps=5000)
     assert result.status == "failed"
     assert "no finite value" in result.message
+    assert "in the force on `x`, by its multipliers, has none" in result.message
