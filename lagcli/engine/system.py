@@ -222,10 +222,11 @@ class System:
 
     @cached_property
     def recursive(self) -> System | None:
-        """A sparse matrix whose elimination gives a, for a full M; None if none is known.
+        """A sparse matrix whose elimination gives a and λ, for a full M; None if none is known.
 
         Its first coordinates are this System's, the others velocities that are defined one after
-        the other by its constraints. Its dynamics take this System's state.
+        the other by its first constraints. The other constraints are this System's, with the
+        velocities in them and without right sides. Its dynamics take this System's state.
         """
         return None if self.recursive_form is None else self.recursive_form()
 

@@ -163,7 +163,7 @@ def _recognize(
     """Return constant multiples of velocities that a row has, and the rest of it."""
     taken: dict[int, Basic] = {}
     rest = dict(row)
-    # the coordinates that few velocities have first
+    # the last ones along the chain first
     for j in sorted(row, key=lambda j: -min(introduced.get(j, (-1,)))):
         if j not in rest:
             continue
