@@ -74,7 +74,7 @@ def resolve_name(template: str, model: Model) -> str:
 
 def _values(model: Model) -> dict[str, float]:
     """Return the values that can be used."""
-    values = dict(model.parameter_values)
+    values = model.parameter_values
     for q, initial in model.initial_positions.items():
         values[q] = initial.value
     for q, initial in model.initial_velocities.items():

@@ -610,12 +610,11 @@ class Model:
         return tuple(c.name for c in self.constraints)
 
     @property
-    def initial(self) -> Mapping[str, InitialValue]:
-        """The initial values by the names of coordinates and velocities (``q'``); `load`
-        with ``set_initial`` changes them.
-        """
+    def initial(self) -> dict[str, InitialValue]:
+        """The initial values by the names of coordinates and velocities (``q'``): a copy. `load`
+        with ``set_initial`` changes them."""
         velocities = {f"{name}'": value for name, value in self.initial_velocities.items()}
-        return MappingProxyType({**self.initial_positions, **velocities})
+        return {**self.initial_positions, **velocities}
 
     @property
     def structural_parameters(self) -> tuple[str, ...]:
@@ -623,9 +622,9 @@ class Model:
         return tuple(name for name, p in self.parameters.items() if p.structural)
 
     @property
-    def parameter_values(self) -> Mapping[str, float]:
-        """Parameter values in SI, by name; `load` with ``set`` changes them."""
-        return MappingProxyType({name: p.value for name, p in self.parameters.items()})
+    def parameter_values(self) -> dict[str, float]:
+        """Parameter values in SI, by name: a copy. `load` with ``set`` changes them."""
+        return {name: p.value for name, p in self.parameters.items()}
 
 
 def check_is_model(value: object, function: str) -> None:

@@ -386,7 +386,7 @@ class Simulation:
             status=run.status,
             message=run.message,
             model=self.model.text,
-            parameters=dict(self.model.parameter_values),
+            parameters=self.model.parameter_values,
             options=options,
             counts=run.counts,
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},

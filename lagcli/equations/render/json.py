@@ -164,7 +164,7 @@ class _JsonWriter:
                 }
                 for c in model.coordinates
             ],
-            "parameters": dict(model.parameter_values),
+            "parameters": model.parameter_values,
             "inputs": [
                 {
                     "name": x.name,

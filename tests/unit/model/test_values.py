@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import symengine as se
 
-import lagcli
 from lagcli.model.loader import load_text
 from lagcli.model.values import dependent_values
 
@@ -45,14 +44,3 @@ def test_a_varied_quantity_hides_what_it_was_computed_from() -> None:
     assert found["w[2]"].free_symbols == {se.Symbol("J")}
     assert "m" not in found
     assert "fixed" not in found
-
-
-def test_values_cannot_be_set_in_what_a_model_returns() -> None:
-    """They would have no effect: the model holds the values of its file and of `set`."""
-    model = lagcli.load("slider_crank")
-    with pytest.raises(TypeError, match="item assignment"):
-        model.parameter_values["m"] = 2.0  # type: ignore[index]
-    with pytest.raises(TypeError, match="item assignment"):
-        model.initial["phi"] = 2.0  # type: ignore[index]
-    run = lagcli.simulate(model, t_end=0.1)
-    assert run.parameters == model.parameter_values
