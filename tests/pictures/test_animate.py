@@ -303,6 +303,17 @@ def test_one_sample_is_shown_without_a_trail(tmp_path):
     assert made.frames == 1
 
 
+@pytest.mark.parametrize("times", [(1.0, 1.0, 1.0), (0.0, 1e300, 2e300)])
+def test_times_that_a_damaged_file_may_have_are_drawn(times, tmp_path):
+    model = lagcli.load(Path(__file__).parents[2] / "models" / "slider_crank.yaml")
+    run = lagcli.simulate(model, samples=3)
+    forces = np.full_like(run.multipliers, 1e200)
+    damaged = replace(run, time=np.array(times), multipliers=forces)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lagcli.report(damaged, tmp_path / "run.html")
+
+
 def test_the_page_runs_its_own_script_alone(result, tmp_path):
     lagcli.animate(result("atwood"), tmp_path / "run.html")
     text = (tmp_path / "run.html").read_text(encoding="utf-8")

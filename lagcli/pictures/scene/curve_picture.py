@@ -45,9 +45,10 @@ def curve_picture(
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     margin = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     low, high = low - margin, high + margin
+    span = float(time[-1] - time[0]) or 1.0  # all samples may be at one time
 
     def across(t: float) -> float:
-        return float(_LEFT + (t - time[0]) / (time[-1] - time[0]) * (_WIDTH - _LEFT - _RIGHT))
+        return float(_LEFT + (t - time[0]) / span * (_WIDTH - _LEFT - _RIGHT))
 
     def up(y: float) -> float:
         return _BELOW + (y - low) / (high - low) * (_HEIGHT - _BELOW - _ABOVE)
@@ -88,6 +89,8 @@ def curve_image(
 
 def _ticks(low: float, high: float) -> list[float]:
     """Return round numbers in an interval."""
+    if not low < high:
+        return [low]
     step = round_number((high - low) / 4)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     return [float(f"{n * step:.12g}") for n in np.arange(first, last + 1) + 0.0]

@@ -558,7 +558,7 @@ def _rim(moment: Moment, disc: DrawnDisc, angles: Array) -> Array:
 def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
     """Yield the recent path of a point, fading."""
     scene, now, length = moment.scene, moment.now, moment.trail
-    if not length:  # a run of one sample
+    if not 0.0 < length < math.inf:  # all samples are at one time, or infinitely far apart
         return
     first = int(np.searchsorted(scene.time, now - length))
     last = int(np.searchsorted(scene.time, now, side="right"))
