@@ -422,8 +422,8 @@ class SwitchingIntegration(Integration):
 
     def emit(self, rows: Array) -> None:
         """Emit samples."""
-        rows = rows[rows[:, 0] <= self.last]
-        self.sink(Block.of_rows(rows, self.whole.sample_layout))
+        kept = int(np.searchsorted(rows[:, 0], self.last, "right"))
+        self.sink(Block.of_rows(rows[:kept], self.whole.sample_layout))
 
 
 #: Moves of coordinates below this part of the largest coordinate, by inertia, are not noted.
