@@ -45,24 +45,30 @@ def in_use(monkeypatch):
     return used
 
 
+def integrated(acceleration, q, times):
+    """Return the states by SciPy of a motion that starts from rest, (2 n, count)."""
+    n = len(q)
+    return solve_ivp(
+        lambda t, y: np.concatenate([y[n:], acceleration(y[:n], y[n:])]),
+        (times[0], times[-1]),
+        np.concatenate([q, np.zeros(n)]),
+        "DOP853",
+        times,
+        rtol=1e-12,
+        atol=1e-13,
+    ).y
+
+
 @pytest.mark.parametrize("n", [3, 12, 20])
 def test_motion_of_a_pendulum_of_links(n, always, monkeypatch):
     used = in_use(monkeypatch)
     model = lagcli.load(PENDULUM, set={"N": n, "theta_0": "80 deg"})
     run = lagcli.simulate(model, t_end=1.0, samples=11, rtol=1e-11, atol=1e-12)
     assert used[-1].recursive
-    start = np.concatenate([np.full(n, np.radians(80)), np.zeros(n)])
-    expected = solve_ivp(
-        lambda t, y: np.concatenate([y[n:], pendulum(y[:n], y[n:], n)]),
-        (0.0, 1.0),
-        start,
-        "DOP853",
-        run.time,
-        rtol=1e-12,
-        atol=1e-13,
-    )
-    np.testing.assert_allclose(run.q, expected.y[:n].T, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.v, expected.y[n:].T, rtol=0, atol=1e-6)
+    start = np.full(n, np.radians(80))
+    expected = integrated(lambda q, v: pendulum(q, v, n), start, run.time)
+    np.testing.assert_allclose(run.q, expected[:n].T, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.v, expected[n:].T, rtol=0, atol=1e-6)
 
 
 def test_energy_of_many_links(monkeypatch):
@@ -97,16 +103,9 @@ def test_implicit_methods_take_m_from_the_other_tape(method, always, monkeypatch
     model = lagcli.load(PENDULUM, set={"N": 6, "theta_0": "80 deg"})
     run = lagcli.simulate(model, t_end=0.5, samples=6, rtol=1e-9, method=method)
     assert used[-1].recursive
-    expected = solve_ivp(
-        lambda t, y: np.concatenate([y[6:], pendulum(y[:6], y[6:], 6)]),
-        (0.0, 0.5),
-        np.concatenate([np.full(6, np.radians(80)), np.zeros(6)]),
-        "DOP853",
-        run.time,
-        rtol=1e-12,
-        atol=1e-13,
-    )
-    np.testing.assert_allclose(run.q, expected.y[:6].T, rtol=0, atol=1e-7)
+    start = np.full(6, np.radians(80))
+    expected = integrated(lambda q, v: pendulum(q, v, 6), start, run.time)
+    np.testing.assert_allclose(run.q, expected[:6].T, rtol=0, atol=1e-7)
 
 
 def test_a_force_that_changes_its_law(always, monkeypatch):
@@ -146,18 +145,10 @@ def test_motion_of_a_rope_between_two_points(n, always, monkeypatch):
     used = in_use(monkeypatch)
     run = lagcli.simulate(lagcli.load_text(ROPE, set={"N": n}), rtol=1e-11, atol=1e-12)
     assert used[-1].recursive
-    expected = solve_ivp(
-        lambda t, y: np.concatenate([y[n:], rope(y[:n], y[n:])[0]]),
-        (0.0, 0.5),
-        np.concatenate([run.q[0], np.zeros(n)]),
-        "DOP853",
-        run.time,
-        rtol=1e-12,
-        atol=1e-13,
-    )
-    np.testing.assert_allclose(run.q, expected.y[:n].T, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.v, expected.y[n:].T, rtol=0, atol=1e-6)
-    multipliers = [rope(y[:n], y[n:])[1] for y in expected.y.T]
+    expected = integrated(lambda q, v: rope(q, v)[0], run.q[0], run.time)
+    np.testing.assert_allclose(run.q, expected[:n].T, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.v, expected[n:].T, rtol=0, atol=1e-6)
+    multipliers = [rope(y[:n], y[n:])[1] for y in expected.T]
     np.testing.assert_allclose(run.multipliers, multipliers, rtol=0, atol=1e-5)
 
 

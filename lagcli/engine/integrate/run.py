@@ -405,9 +405,9 @@ class Integration:
         """Handle a status of the core; return whether the run is complete."""
         core = self.core
         if status == Status.UNDEFINED:
-            state = self.evaluator.state(core.t_bad, *self.split(core.y_bad))
             if not np.isfinite(core.y_bad).all():  # between the ends of a step
                 raise Undefined(self.evaluator.state(core.t, *self.split(core.state)))
+            state = self.evaluator.state(core.t_bad, *self.split(core.y_bad))
             defined = self.evaluator.dynamics(state.t, state.q, state.v).finite
             if self.reordered != core.t and defined:
                 # the equations are defined: a pivot of the static order vanished
