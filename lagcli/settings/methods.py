@@ -67,7 +67,7 @@ METHODS = {
             description="Radau IIA",
             order="5",
             implicit=True,
-            dense="collocation polynomial",
+            dense="polynomial of order 4",
         ),
     )
 }

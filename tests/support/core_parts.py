@@ -150,6 +150,7 @@ class lag_radau5_coefficients(Structure):
         *((name, c_double * 3 * 3) for name in ("t", "t_inverse")),
         *((name, c_double) for name in ("real", "re", "im")),
         ("error", c_double * 3),
+        *((name, c_double) for name in ("defect", "zero")),
     )
 
 
@@ -166,10 +167,12 @@ def rodas5p_coefficients() -> tuple[Any, ...]:
 
 
 def radau5_coefficients() -> tuple[Any, ...]:
-    """Return c, T, T⁻¹, the eigenvalues and the error's weights; see radau5_tableau.h."""
+    """Return c, T, T⁻¹, the eigenvalues, the weights of the error and the factors of the defect;
+    see radau5_tableau.h."""
     r = _coefficients()[1]
     eigenvalues = r.real, complex(r.re, r.im)
-    return *map(np.array, (r.c, r.t, r.t_inverse)), eigenvalues, np.array(r.error)
+    defect = (r.defect, r.zero)
+    return *map(np.array, (r.c, r.t, r.t_inverse)), eigenvalues, np.array(r.error), defect
 
 
 def run_tape(

@@ -277,6 +277,8 @@ void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coeffic
     radau5->re = radau_re;
     radau5->im = radau_im;
     memcpy(radau5->error, radau_error, sizeof radau_error);
+    radau5->defect = radau_defect;
+    radau5->zero = radau_zero;
 }
 
 const double *lag_part_acceleration_terms(const lag_run *run)

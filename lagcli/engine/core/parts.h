@@ -83,7 +83,7 @@ typedef struct {
 } lag_rodas5p_coefficients;
 
 typedef struct {
-    double c[3], t[3][3], t_inverse[3][3], real, re, im, error[3];
+    double c[3], t[3][3], t_inverse[3][3], real, re, im, error[3], defect, zero;
 } lag_radau5_coefficients;
 
 void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coefficients *radau5);

@@ -27,4 +27,11 @@ static const double radau_im = 3.0504301992474105694;
 static const double radau_error[3] = {
     -10.048809399827415562, 1.3821427331607488958, -0.33333333333333333333};
 
+/*
+ * The integral of the defect -(x - c_1)(x - c_2)(x - 1) / (c_1 c_2) from 0, times real, is
+ * radau_defect x (x - 1)^2 (x - radau_zero): zero at the end, where the quadrature is exact.
+ */
+static const double radau_defect = -9.0945856318612393304;
+static const double radau_zero = 0.4;
+
 #endif

@@ -172,6 +172,31 @@ def test_enclosures(method: str, cores: list[SwitchingIntegrator]) -> None:
                 np.testing.assert_allclose(bounds, expected, rtol=0, atol=1e-8)
 
 
+def test_enclosures_of_velocities_of_degree_4(cores: list[SwitchingIntegrator]) -> None:
+    """Radau's dense output has this degree."""
+    rng = np.random.default_rng(8)
+    for _ in range(9):
+        force = Polynomial(rng.uniform(-3, 3, 4))
+        text = f"""\
+coordinates: [x]
+T: x'^2/2
+Q: {{x: "{written(force)}"}}
+initial: {{x: 1, x': 2}}
+events: {{a: {{when: "x' >= 100"}}}}
+simulation: {{t_end: 2, samples: 2}}
+"""
+        lagcli.simulate(lagcli.load_text(text), method="Radau", rtol=1e-6)
+        a, b = np.sort(rng.uniform(0, 1, 2)).tolist()
+        found = enclosed(cores[-1]._run, 0, a, b, 4)
+        t = found.start + found.length * np.linspace(a, b, 200)
+        for m, bounds in enumerate(found.jet):
+            values = (100 - force.integ(k=[2.0])).deriv(m)(t) / factorial(m)
+            slack = 1e-9 / found.length**m
+            assert bounds[0] - slack <= values.min() <= values.max() <= bounds[1] + slack
+            if m == 4:
+                assert bounds == pytest.approx(values[[0, 0]], abs=slack)
+
+
 def test_over_a_step_states_are_between_interpolants_of_its_ends(
     cores: list[SwitchingIntegrator],
 ) -> None:

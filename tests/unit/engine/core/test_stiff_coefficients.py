@@ -132,7 +132,7 @@ def radau_matrix(c: np.ndarray) -> np.ndarray:
 
 
 def test_radau_is_the_collocation_method_of_order_5() -> None:
-    c, t, inverse, (real, pair), _ = radau5_coefficients()
+    c, t, inverse, (real, pair), _, _ = radau5_coefficients()
     # the nodes are the zeros of d²/dx² (x² (x − 1)³)
     polynomial = np.polynomial.Polynomial([0, 0, 1]) * np.polynomial.Polynomial([-1, 1]) ** 3
     np.testing.assert_allclose(c, sorted(polynomial.deriv(2).roots().real), atol=1e-14)
@@ -149,10 +149,20 @@ def test_radau_is_the_collocation_method_of_order_5() -> None:
 
 
 def test_the_estimate_of_radau_has_order_3() -> None:
-    c, _, _, (real, _), weights = radau5_coefficients()
+    c, _, _, (real, _), weights, _ = radau5_coefficients()
     A = radau_matrix(c)
     # y0' + Σ w_i z_i / h vanishes for solutions of degree 3, z_i = h Σ a_ij y'(c_j)
     for k in range(3):
         assert 0.0**k + weights @ A @ c**k == pytest.approx(0, abs=1e-13)
     assert abs(weights @ A @ c**3) > 1e-2
     assert real == pytest.approx(1 / np.linalg.eigvals(A).real.max(), rel=1e-13)
+
+
+def test_radaus_dense_output_integrates_the_defect() -> None:
+    c, _, _, (real, _), _, (factor, zero) = radau5_coefficients()
+    x = np.polynomial.Polynomial([0, 1])
+    defect = (x - c[0]) * (x - c[1]) * (x - c[2])
+    integral = real * (defect / defect(0.0)).integ()
+    np.testing.assert_allclose(
+        integral.coef, (factor * x * (x - 1) ** 2 * (x - zero)).coef, atol=1e-14
+    )
