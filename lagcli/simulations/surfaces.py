@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from lagcli.engine.contract import Block
 from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import System
-from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
+from lagcli.engine.tape.crossings import lines_across
+from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple
@@ -109,9 +110,8 @@ def _beside(kink: Kink, whole: Array, upper: bool) -> Array:
 
 #: Comparisons, operations with whole results, and conditions made of others.
 _COMPARED, _WHOLE, _JOINED = (Op.LT, Op.LE), (Op.FLOOR, Op.CEIL), (Op.AND, Op.OR, Op.NOT)
-#: Number of lines for each comparison, of which so many are needed; number of steps to its surface,
-#: and relative accuracy.
-_LINES, _NEEDED, _SECANT, _ROOT = 8, 2, 40, 1e-14
+#: Number of lines needed for each comparison.
+_NEEDED = 2
 #: Distances from a surface; part of the difference at the farther one that a jump has at the nearer
 #: one, and part of the values that rounding has.
 _NEAR, _FAR, _KEPT, _ROUNDING = 1e-12, 1e-9, 0.3, 1e-13
@@ -133,16 +133,10 @@ def has_jumps(system: System, p: Sequence[float]) -> bool:
     tape = system.dynamics
     if _has_whole(tape, p):
         return True
-    every = tape._replace(outputs=tuple(range(tape.registers)))
-    for (a, b), choices in _choices(tape, p).items():
-        values = [x for pair in choices for x in pair]
-        run = ScalarTape(every.selected([a, b, *values]))
+    for pair, choices in _choices(tape, p).items():
         found = 0
-        for at in _lines(run, tape, p):
-            s = _surface(at, 0)
-            if s is None:
-                continue
-            (near, size), (far, _) = (_apart(at, s, distance) for distance in (_NEAR, _FAR))
+        for at in lines_across(tape, pair, [x for both in choices for x in both], p):
+            (near, size), (far, _) = (_apart(at, distance) for distance in (_NEAR, _FAR))
             if np.isnan(near).any() or _is_jump(near, far, size):
                 return True
             found += 1
@@ -169,13 +163,12 @@ def _choices(tape: Tape, p: Sequence[float]) -> dict[tuple[int, int], list[tuple
     return found
 
 
-def _apart(at: Callable[[float], Array], s: float, distance: float) -> tuple[Array, Array]:
+def _apart(at: Callable[[float], Array], distance: float) -> tuple[Array, Array]:
     """Return by how much pairs of values differ near a surface, and their sizes.
 
     Differences without a value do not count: each value may have one on its own side alone.
     """
-    step = distance * (1 + abs(s))
-    one, other = np.array([at(x)[2:].reshape(-1, 2) for x in (s - step, s + step)]).T
+    one, other = np.array([at(s).reshape(-1, 2) for s in (-distance, distance)]).T
     differences = np.abs(one[:, :, None] - other[:, None, :])
     sizes = np.fmax(np.abs(one), np.abs(other))
     return np.fmax.reduce(differences, axis=(1, 2)), np.fmax.reduce(sizes, axis=1)
@@ -189,7 +182,7 @@ def _is_jump(near: Array, far: Array, size: Array) -> bool:
 def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
     """Return whether forces, limits or constraints jump at branches that are not frozen.
 
-    The two sides of each comparison are evaluated at points of its surface on random lines.
+    The two sides of each comparison are evaluated beside points of its surface.
 
     Parameters
     ----------
@@ -221,21 +214,11 @@ def _jumps(tape: Tape, count: int | None, p: Sequence[float]) -> bool:
     """Return whether one of the first outputs of a tape jumps."""
     if _has_whole(tape, p):
         return True
-    compared = [(a, b) for op, _, a, b, _ in tape.code if op in _COMPARED]
-    if not compared:
-        return False
-    outputs = tape.outputs[:count]
-    count = len(outputs)
-    run = ScalarTape(tape._replace(outputs=(*outputs, *(x for pair in compared for x in pair))))
-    for k in range(len(compared)):
-        for at in _lines(run, tape, p):
-            s = _surface(at, count + 2 * k)
-            if s is None:
-                continue
-            sides = []
-            for distance in (_NEAR, _FAR):
-                step = distance * (1 + abs(s))
-                sides.append(np.array([at(s - step)[:count], at(s + step)[:count]]))
+    for op, _, *operands in tape.code:
+        if op not in _COMPARED:
+            continue
+        for at in lines_across(tape, (operands[0], operands[1]), tape.outputs[:count], p):
+            sides = [np.array([at(-s), at(s)]) for s in (_NEAR, _FAR)]
             near, far = (np.abs(below - above) for below, above in sides)
             if _is_jump(near, far, np.abs(sides[0]).max(axis=0)):
                 return True
@@ -255,34 +238,3 @@ def _has_whole(tape: Tape, p: Sequence[float]) -> bool:
     """Return whether a tape takes whole parts of what changes along a run."""
     moving = _moving(tape, p)
     return any(op in _WHOLE and a in moving for op, _, a, *_ in tape.code)
-
-
-def _lines(run: ScalarTape, tape: Tape, p: Sequence[float]) -> Iterator[Callable[[float], Array]]:
-    """Return the outputs of a tape along random lines."""
-    rng, moving = np.random.default_rng(0), tape.inputs - tape.functions.size - len(p)
-    for _ in range(_LINES):
-        start, along = rng.normal(size=(2, moving))
-
-        def at(s: float, start: Array = start, along: Array = along) -> Array:
-            return np.array(run((*(start + s * along).tolist(), *p)))
-
-        yield at
-
-
-def _surface(at: Callable[[float], Array], place: int) -> float | None:
-    """Return the point of a line where the operands of a comparison are equal, by the secant
-    method."""
-    s, t = 0.0, 1.0
-    values = at(s)[place : place + 2]
-    g = values[0] - values[1]
-    for _ in range(_SECANT):
-        a, b = at(t)[place : place + 2]
-        h = a - b
-        if not np.isfinite(h):
-            return None
-        if abs(h) <= _ROOT * (abs(a) + abs(b)):
-            return t
-        if h == g:
-            return None
-        s, t, g = t, t - h * (t - s) / (h - g), h
-    return None

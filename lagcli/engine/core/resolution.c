@@ -1,5 +1,6 @@
 #include "resolution.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -8,6 +9,9 @@
 #define BEND 1.2            /* of the largest value: how far a function may bend away from its tangent in half a step */
 #define AHEAD 16.0          /* steps for which a limit is computed at once, at first; ... */
 #define NEARER 4.0          /* ... then fewer */
+#define PARTS 200           /* intervals at most in which the size of an unbounded function is sought, ... */
+#define LEVELS 24           /* ... and how often they are halved */
+#define NOTHING (DBL_MIN / DBL_EPSILON) /* what is smaller has lost digits */
 #define HALVINGS 40         /* of a step; a function that bends more is not resolved by any */
 #define SINGULAR 10         /* halvings after which a function without a bound of its curvature is singular there */
 
@@ -36,15 +40,42 @@ static void enclose(lag_run *run, double a, double b, int order)
     lag_jets_run(jets, order);
 }
 
-/* The sizes that functions have in the run; where they are unbounded, those so far. */
+/* Raise the sizes of functions to those between two times, and return whether one that is used there has no bound. In
+ * the whole run, bounds count even where functions are not used at this state: they may be at another one. */
+static int raise_scales(lag_run *run, double a, double b, int whole)
+{
+    lag_resolution *r = &run->resolution;
+    int unbounded = 0;
+    enclose(run, a, b, 0);
+    for (int i = 0; i < r->count; ++i) {
+        const lag_interval used = *lag_jet_output(&r->jets, r->count + i);
+        const double size = lag_interval_size(*lag_jet_output(&r->jets, i));
+        const int not_used = used.low == 0.0 && used.high == 0.0;
+        if (isfinite(size) && (whole || !not_used))
+            r->scale[i] = fmax(r->scale[i], size);
+        unbounded |= !isfinite(size) && !not_used;
+    }
+    return unbounded;
+}
+
+/* The sizes that functions have in the run. Where one has no bound, as next to a pole, or beyond the branch in which
+ * it is used, the run is halved; where none is found, the size is 0. */
 static void measure(lag_run *run)
 {
     lag_resolution *r = &run->resolution;
+    const double whole = run->settings.t_end - run->step.t;
+    double start[LEVELS + 1] = {run->step.t}, length[LEVELS + 1] = {whole};
+    int waiting = 1;
     lag_jets_refresh(&r->jets);
-    enclose(run, run->step.t, run->settings.t_end, 0);
-    for (int i = 0; i < r->count; ++i) {
-        const double size = lag_interval_size(*lag_jet_output(&r->jets, i));
-        r->scale[i] = isfinite(size) ? size : 0.0;
+    memset(r->scale, 0, (size_t)r->count * sizeof *r->scale);
+    for (int k = 0; waiting > 0 && k < PARTS; ++k) {
+        const double a = start[--waiting], half = 0.5 * length[waiting];
+        if (!raise_scales(run, a, a + 2.0 * half, k == 0) || ldexp(half, LEVELS) < whole)
+            continue;
+        start[waiting] = a + half;
+        start[waiting + 1] = a;
+        length[waiting] = length[waiting + 1] = half;
+        waiting += 2;
     }
 }
 
@@ -56,9 +87,9 @@ static double resolved_between(lag_run *run, double a, double b, int singular)
     enclose(run, a, b, 2);
     for (int i = 0; i < r->count; ++i) {
         const lag_interval *jet = lag_jet_output(&r->jets, i), used = *lag_jet_output(&r->jets, r->count + i);
-        if (used.low == 0.0 && used.high == 0.0)
-            continue;
         const double bend = lag_interval_size(jet[2]), size = lag_interval_size(jet[0]);
+        if ((used.low == 0.0 && used.high == 0.0) || fmax(size, r->scale[i]) < NOTHING)
+            continue;
         const double scale = r->scale[i] > 0.0 ? r->scale[i] : isfinite(size) ? size : 0.0;
         if (bend > 0.0 && !(singular && isinf(bend)))
             h = fmin(h, 2.0 * sqrt(BEND * scale / bend));

@@ -8,25 +8,20 @@ changes the side where it vanishes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
 
 from lagcli.data_classes import replace
+from lagcli.engine.switching.partial import PartialFunctions
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.system import JacobianTapes, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
-from lagcli.functions import Domain
 from lagcli.named_tuples import NamedTuple
 
 #: Comparisons.
 RELATIONS = (Op.LT, Op.LE)
 _WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}
-#: Operations that are undefined for some operands, and may be so beyond a kink.
-_PARTIAL = {Op.POW} | {op for op in Op if op.function and op.function.domain != Domain()}
-#: Operations that are never negative.
-_POSITIVE = (Op.SQRT, Op.EXP, Op.ABS, Op.COSH)
 _NOTHING: frozenset[int] = frozenset()
 
 
@@ -106,8 +101,8 @@ def frozen_of(system: System) -> FrozenSystem | None:
 def freeze(system: System) -> FrozenSystem | None:
     """Return a System with its branches as inputs; None if no branch depends on the state.
 
-    A branch is not frozen if a root, a power or a logarithm may be undefined beyond its kink, where
-    trial steps may evaluate it.
+    A branch is not frozen if a root, a power or a logarithm may be undefined beyond its kink, or a
+    divisor vanishes at it: trial steps may evaluate both.
 
     Parameters
     ----------
@@ -261,7 +256,7 @@ class _Freezer:
             self.comparisons[key] = len(self.comparisons)
             self.needs.append(needs)
         which = self.comparisons[key]
-        partial.compared[to] = frozenset((which,))
+        partial.comparison(to, which)
         if which in self.excluded:
             return None
         number = self.numbers.setdefault(which, len(self.numbers))
@@ -305,72 +300,6 @@ def in_order(builder: Builder, a: int, b: int) -> tuple[int, int, bool]:
                 a, flipped = operands[0], not flipped
         return a, b, flipped
     return (a, b, flipped) if a > b else (b, a, not flipped)
-
-
-class PartialFunctions:
-    """Finds the comparisons beyond which a function in a tape may be undefined.
-
-    Parameters
-    ----------
-    needs : list of frozenset of int
-        For each comparison, the inputs on which it depends; may grow.
-    tape : Tape
-    moving : int
-        Number of its inputs that change along a run, the first ones.
-
-    Attributes
-    ----------
-    compared : dict of int to frozenset of int
-        The comparisons that determine a truth value, by its register. Those of comparisons are set
-        by the caller.
-    excluded : frozenset of int
-        The comparisons found.
-    """
-
-    def __init__(self, needs: list[frozenset[int]], tape: Tape, moving: int):
-        self.needs = needs
-        self.compared: dict[int, frozenset[int]] = {}
-        self.excluded: frozenset[int] = _NOTHING
-        self.selected: dict[int, frozenset[int]] = {}  # comparisons that have selected a value
-        self.risky: dict[int, frozenset[int]] = {}  # operands of partial functions
-        constants = {i for i, x in enumerate(tape.constants, tape.inputs) if x >= 0}
-        # parameters are assumed positive; at worst a run fails beyond a kink that must not be
-        # frozen
-        self.positive = {*constants, *range(moving, tape.inputs)}
-
-    def operation(self, op: int, to: int, operands: list[int], needs: frozenset[int]) -> None:
-        """Track an operation that depends on some inputs, except replaced comparisons."""
-        if to in self.compared:
-            return
-        compared = _union(self.compared, operands)
-        if op == Op.SELECT:
-            values = operands[1:]
-            risky = _union(self.risky, values)
-            compared = self.compared.get(operands[0], _NOTHING)
-            self.excluded |= {k for k in compared if self.needs[k] & risky}
-            self.selected[to] = _union(self.selected, values) | compared
-            self.risky[to] = risky
-            if all(x in self.positive for x in values):
-                self.positive.add(to)
-            return
-        if op in (Op.AND, Op.OR, Op.NOT):
-            self.compared[to] = compared
-            return
-        self.selected[to], self.risky[to] = (
-            _union(self.selected, operands),
-            _union(self.risky, operands),
-        )
-        if op in _PARTIAL and operands[0] not in self.positive:
-            self.excluded |= self.selected.get(operands[0], _NOTHING)
-            self.risky[to] |= needs
-        square = op == Op.MUL and operands[0] == operands[1]
-        kept = op in (Op.ADD, Op.MUL, Op.DIV, Op.CLIP) and all(x in self.positive for x in operands)
-        if square or kept or op in _POSITIVE:
-            self.positive.add(to)
-
-
-def _union(sets: dict[int, frozenset[int]], operands: Iterable[int]) -> frozenset[int]:
-    return _NOTHING.union(*(sets[x] for x in operands if x in sets))
 
 
 def no_switching(system: System) -> Switching:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lagcli.engine.switching.kinks import RELATIONS, PartialFunctions, in_order
+from lagcli.engine.switching.kinks import RELATIONS, in_order
+from lagcli.engine.switching.partial import PartialFunctions
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.operations import ARITY
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
@@ -97,7 +98,7 @@ class _Signs:
                 if which == len(self.needs):
                     self.needs.append(needed)
                 found[to] = which, flipped
-                partial.compared[to] = frozenset((which,))
+                partial.comparison(to, which)
             place[to] = builder.new((op, *values))
             partial.operation(op, to, operands, needed)
         self.excluded |= partial.excluded

@@ -60,22 +60,6 @@ def test_comparisons_of_parameters_are_no_kinks(force: str) -> None:
     assert frozen_of(model(force)) is None
 
 
-@pytest.mark.parametrize(
-    ("force", "count"),
-    [
-        ("c*max(-x, 0)^1.5", 0),  # the power of a negative number has no value
-        ("if(x > 0, sqrt(x), 0)", 0),
-        ("if(x > 0, sqrt(y), 0)", 1),
-        ("if(x > 0, sqrt(x^2 + c^2), 0)", 1),
-        ("log(abs(x)) + abs(y)", 1),
-        ("cbrt(x)", 0),
-    ],
-)
-def test_branches_beside_which_functions_are_undefined_stay(force: str, count: int) -> None:
-    found = frozen_of(model(force))
-    assert len(found.kinks if found else ()) == count
-
-
 def test_a_frozen_system_is_the_same_on_its_branches() -> None:
     system = model("abs(x')*y + floor(x*c) - sign(y - x')", 'V: "max(x, y)*c*x"\n')
     kinks = freeze(system)
