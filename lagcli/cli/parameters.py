@@ -6,7 +6,7 @@ from collections.abc import Callable
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from lagcli.cli.quantities import NumberIn
+from lagcli.cli.quantities import REAL, WHOLE, NumberIn
 from lagcli.named_tuples import NamedTuple
 
 
@@ -203,7 +203,8 @@ def parameter(
     flags = declared.flags
     if isinstance(declared, Option) and not flags:
         flags = (f"--{name.replace('_', '-')}",)
-    converts = str if choices else NumberIn(declared.unit) if declared.unit else annotation
+    plain = {float: REAL, int: WHOLE}.get(annotation, annotation)
+    converts = str if choices else NumberIn(declared.unit) if declared.unit else plain
     return CommandParameter(
         *(name, flags, declared.help, declared.metavar, converts, choices),
         *(many, required, default, declared.least, declared.most),

@@ -1,8 +1,32 @@
-"""Types of options that are numbers with a unit: ``0.5``, ``500 ms``."""
+"""Types of options that are numbers, also with a unit: ``3``, ``0.5``, ``500 ms``."""
 
 from __future__ import annotations
 
 import math
+
+
+class PlainNumber:
+    """Type of the value of an option: a number without a unit.
+
+    Spellings that only Python knows, such as ``1_0`` and digits of other scripts, are not numbers.
+
+    Parameters
+    ----------
+    type_ : type
+        ``int`` or ``float``.
+    """
+
+    def __init__(self, type_: type[int] | type[float]):
+        self.type, self.__name__ = type_, type_.__name__
+
+    def __call__(self, text: str) -> float:
+        """Return the number; raises ValueError if the text is none."""
+        if "_" in text or not text.isascii():
+            raise ValueError(f"{text!r} is not a number")
+        return self.type(text)
+
+
+REAL, WHOLE = PlainNumber(float), PlainNumber(int)
 
 
 class WrongNumber(ValueError):
@@ -32,7 +56,7 @@ class NumberIn:
             The text is not a number, or its unit is unknown or has another dimension.
         """
         try:
-            return float(text)
+            return REAL(text)
         except ValueError:
             return self._converted(text)
 

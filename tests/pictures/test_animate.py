@@ -355,6 +355,7 @@ def test_the_command_says_what_it_made(result, tmp_path, capsys):
         (["-o", "run.avi"], 2, "run.avi: the suffix .avi is not an animation format"),
         (["-o", "run"], 2, "use run.html"),
         (["-o", "run.gif", "--size", "wide"], 2, "--size 'wide' is not a size"),
+        (["-o", "run.gif", "--size", "٤٠٠x٣٠٠"], 2, "is not a size"),
         (["-o", "run.gif", "--size", "10x10"], 2, "between 64 and 8192 pixels, not 10"),
         (["-o", "run.gif", "--fps", "0"], 2, "--fps must lie between 0 and 1000, not 0"),
         (["-o", "run.html", "--fps", "30"], 2, "--fps is for films"),

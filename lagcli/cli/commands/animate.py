@@ -175,7 +175,7 @@ def _mode_motion(
 
 def _size(text: str) -> tuple[int, int]:
     """Return the width and height that a text such as 640x480 gives."""
-    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*[xX×]\s*([0-9]{1,6})\s*", text)
     if match is None:
         raise UsageError(f"--size {text!r} is not a size; give width and height in pixels: 640x480")
     return int(match[1]), int(match[2])

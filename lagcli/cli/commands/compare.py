@@ -16,6 +16,7 @@ from lagcli.cli.options import (
     with_settings,
 )
 from lagcli.cli.parameters import Argument, Option
+from lagcli.cli.quantities import REAL
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
@@ -105,6 +106,6 @@ def _names(given: list[str] | None) -> list[str]:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return REAL(text)
     except ValueError:
         raise UsageError(f"--rtol {text!r} is not a number; give --rtol 1e-6,1e-9") from None

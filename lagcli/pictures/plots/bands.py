@@ -11,6 +11,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES
 from lagcli.errors import UsageError
+from lagcli.model.expression.tokens import decimal
 from lagcli.pictures.curves import Curve
 from lagcli.pictures.run_file import RunFile, with_expressions
 
@@ -159,16 +160,13 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
     for text in given:
         name, equals, spread = (x.strip() for x in text.partition("="))
         percent = spread.endswith("%")
-        try:
-            value = float(spread.removesuffix("%"))
-        except ValueError:
-            value = -1.0
+        value = decimal(spread.removesuffix("%"))
         if not equals and percent:
             raise UsageError(
                 f"--band {text}: a part of the rows is for sweeps; of a run, name a parameter and"
                 " its spread, as in --band l=5%"
             )
-        if not equals or not 0 <= value < np.inf:
+        if not equals or value is None or not 0 <= value < np.inf:
             raise UsageError(
                 f"--band {text!r} is not of the form NAME=SPREAD, as in l=0.01 or l=5%"
             )
@@ -201,10 +199,7 @@ def read_part(given: Sequence[str]) -> float:
         It is not given once, as ``90%``.
     """
     text = given[0].strip()
-    try:
-        part = float(text.removesuffix("%")) / 100
-    except ValueError:
-        part = 0.0
+    part = (decimal(text.removesuffix("%")) or 0.0) / 100
     if len(given) > 1 or not text.endswith("%") or not 0 < part < 1:
         raise UsageError(
             f"--band {' '.join(given)}: of a sweep, bands contain a part of the rows; give it once,"

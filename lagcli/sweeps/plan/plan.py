@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -152,7 +153,7 @@ def make_plan(
 
 def _sample(text: str, seed: int, drawn: Sequence[Drawn]) -> Sample:
     kind, _, number = text.strip().partition(":")
-    if kind not in SAMPLE_KINDS or not number.isdecimal() or int(number) < 1:
+    if kind not in SAMPLE_KINDS or not re.fullmatch("0*[1-9][0-9]{0,17}", number):
         raise UsageError(
             f"--sample {text!r} is not of the form sobol:N, lhs:N or random:N, as in"
             " --sample sobol:1000"

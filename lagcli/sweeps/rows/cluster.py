@@ -184,10 +184,10 @@ class Cluster:
 
 def _local_workers(address: str) -> int | None:
     """Return N of ``local:N``, or None for the address of a scheduler."""
-    match = re.fullmatch(r"local:(\d{1,4})", address)
+    match = re.fullmatch(r"local:([0-9]{1,4})", address)
     if match and int(match[1]):
         return int(match[1])
-    if not re.fullmatch(r"[a-z]+://[^/]+:\d+", address):
+    if not re.fullmatch(r"[a-z]+://[^/]+:[0-9]+", address):
         raise UsageError(
             f"--scheduler {address!r} is not an address; give that of a Dask scheduler,"
             " tcp://HOST:PORT, or local:N for N processes on this machine"

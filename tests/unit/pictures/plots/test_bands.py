@@ -74,7 +74,7 @@ def test_portraits_to_first_order_are_envelopes_of_ellipses() -> None:
         assert np.linalg.norm(u) == pytest.approx(1)
 
 
-@pytest.mark.parametrize("text", ["90", "0%", "100%", "l=5%", "x%"])
+@pytest.mark.parametrize("text", ["90", "0%", "100%", "l=5%", "x%", "9_0%", "٩%"])
 def test_parts_of_rows(text: str) -> None:
     with pytest.raises(UsageError, match="--band 90%"):
         read_part([text])
@@ -86,7 +86,7 @@ def test_derivatives_are_curves() -> None:
     assert (curve.field, curve.place) == ("dmultipliers", (0, 1))
 
 
-@pytest.mark.parametrize("text", ["l", "l=", "l=x", "l=-1", "m=1"])
+@pytest.mark.parametrize("text", ["l", "l=", "l=x", "l=-1", "l=1_0%", "m=1"])
 def test_mistakes(text: str) -> None:
     with pytest.raises(UsageError, match="--band"):
         read_bands(RunFile(RUN), [text])

@@ -165,6 +165,8 @@ def test_what_is_wrong_is_reported(vary: str, said: str) -> None:
         (["m=1..2"], {"sample": "sobol"}, "sobol:N"),
         (["m=1..2"], {"sample": "halton:10"}, "sobol:N"),
         (["m=1..2"], {"sample": "lhs:0"}, "sobol:N"),
+        (["m=1..2"], {"sample": "sobol:٤"}, "sobol:N"),
+        (["m=1..2"], {"sample": "random:" + "9" * 5000}, "sobol:N"),
         (["m=1,2"], {"sample": "lhs:5"}, "nothing to draw from"),
         (["m=2..1"], {"sample": "lhs:5"}, "empty"),
         (["m=normal(1, 0)"], {"sample": "lhs:5"}, "greater than 0"),

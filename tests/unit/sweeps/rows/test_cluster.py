@@ -211,7 +211,7 @@ def test_an_interrupt_leaves_nothing_under_way() -> None:
 
 
 @pytest.mark.parametrize(
-    "address", ["localhost", "local:0", "local:", "tcp://", "tcp://h", "", "h:1"]
+    "address", ["localhost", "local:0", "local:٢", "local:", "tcp://", "tcp://h", "", "h:1"]
 )
 def test_addresses_that_are_none(address: str) -> None:
     with pytest.raises(UsageError, match="is not an address; give that of a Dask scheduler"):
