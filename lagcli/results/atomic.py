@@ -109,6 +109,23 @@ class FileWriter:
 
     def __init__(self) -> None:
         self.opened = ExitStack()
+        self._files: list[tuple[str, BinaryIO]] = []
+
+    def open_file(self, path: str, force: bool) -> BinaryIO:
+        """Return a new file of several, whose names `name_files` gives; see `whole_file`."""
+        file = self.opened.enter_context(whole_file(path, force))
+        self._files.append((path, file))
+        return file
+
+    def name_files(self) -> None:
+        """Give the files their names, the last opened first, once all of them are on disk."""
+        for path, file in self._files:
+            try:
+                file.flush()
+                os.fsync(file.fileno())
+            except OSError as error:
+                raise write_failure(path, error) from error
+        self.opened.close()
 
     def __enter__(self) -> Self:
         return self
@@ -135,6 +152,8 @@ def _names(path: str, force: bool) -> tuple[str, str]:
                 raise exists(path)
     except OSError as error:
         raise write_failure(path, error) from error
+    except ValueError as error:  # not a valid file name
+        raise FileError(f"cannot write {path!r}: {error}") from None
     hidden = f".lagcli-{os.getpid()}-{os.urandom(8).hex()}"
     return target, os.path.join(os.path.dirname(target), hidden)
 

@@ -15,7 +15,7 @@ import numpy as np
 from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
 from lagcli.files import write_failure
-from lagcli.results.atomic import FileWriter, check_writable, whole_file
+from lagcli.results.atomic import FileWriter, check_writable
 from lagcli.results.csv.names import events_path, sidecar_path
 from lagcli.trajectory.samples import Record, Samples
 
@@ -124,7 +124,7 @@ class CsvWriter(FileWriter):
                 **({} if table is None else {"events_sha256": hashlib.sha256(table).hexdigest()}),
             }
             self._beside.write(sidecar_text(record, contents))
-        self.opened.close()
+        self.name_files()
         if self._path != "-" and not self._meta:
             _remove(sidecar_path(self._path))
         if self._path != "-" and table is None:
@@ -139,8 +139,7 @@ class CsvWriter(FileWriter):
         names = (self._names["coordinates"], self._names["constraints"])
         text = events_text(record.events, t_start, *names)
         if self._path != "-":
-            table = whole_file(events_path(self._path), self._force)
-            self.opened.enter_context(table).write(text)
+            self.open_file(events_path(self._path), self._force).write(text)
         return text
 
     def _open(self, samples: Samples) -> Callable[[bytes], object]:
@@ -152,9 +151,8 @@ class CsvWriter(FileWriter):
         if self._path == "-":
             return _standard_output()
         if self._meta:  # opened first, so that it gets its name last
-            sidecar = whole_file(sidecar_path(self._path), self._force)
-            self._beside = self.opened.enter_context(sidecar)
-        return self.opened.enter_context(whole_file(self._path, self._force)).write
+            self._beside = self.open_file(sidecar_path(self._path), self._force)
+        return self.open_file(self._path, self._force).write
 
     def _put(self, write: Callable[[bytes], object], data: bytes) -> None:
         if self._meta:

@@ -16,7 +16,7 @@ from pathlib import Path
 import h5py  # noqa: F401  here, so that the forked writers need not import it
 import pytest
 from patience import children_time
-from trajectories import assert_same_arrays, environment, make, make_for_csv
+from trajectories import assert_same_arrays, environment, make, make_for_csv, make_with_log
 
 from lagcli.errors import FileError, UsageError
 from lagcli.results import atomic, check_target, read, write
@@ -354,6 +354,30 @@ def test_a_disk_too_full_for_the_sidecar_leaves_neither(tmp_path: Path) -> None:
     (tmp_path / "run.csv").unlink()
     assert _within(50_000, lambda: write(run, tmp_path / "run.csv", meta=True)) == 5
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("meta", [False, True])
+@pytest.mark.parametrize("short", [1, 100, 5000])
+def test_a_full_disk_changes_none_of_several_files(tmp_path: Path, meta: bool, short: int) -> None:
+    """The last part of the samples reaches the disk after the event table."""
+    path = tmp_path / "run.csv"
+    new = make_with_log(nt=300, seed=1)
+    write(new, path, meta=meta)
+    size = path.stat().st_size
+    write(make_with_log(nt=300, seed=2), path, meta=meta, force=True)
+    old = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    limit = size - short
+    assert all(len(old[name]) < limit for name in old if name != "run.csv")
+    assert _within(limit, lambda: write(new, path, meta=meta, force=True)) == 5
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == old
+    assert _within(limit, lambda: write(new, tmp_path / "other.csv", meta=meta)) == 5
+    assert {file.name for file in tmp_path.iterdir()} == {*old}
+
+
+@pytest.mark.parametrize("name", ["a\0.h5", "a\ud800.h5"])
+def test_what_no_file_can_be_named_is_an_error(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FileError, match="cannot write"):
+        write(make(), tmp_path / name)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
