@@ -48,7 +48,7 @@ def write_file(path: str, content: bytes, force: bool) -> None:
 
 
 @contextmanager
-def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
+def whole_file(path: str, force: bool = False, sync: bool = True) -> Iterator[BinaryIO]:
     """Open a file that gets its name on success and is discarded on failure.
 
     On Linux the file has no name until it is complete and synced, so that even ``kill -9``
@@ -63,6 +63,8 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     force : bool
         Replace an existing file, atomically. Otherwise an existing file is never changed, and of
         several writers of one name exactly one succeeds.
+    sync : bool
+        Sync the file before it is named, and its folder after that; otherwise the caller does.
 
     Yields
     ------
@@ -84,7 +86,8 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
             with file or _open_hidden(hidden) as file:
                 yield file
                 file.flush()
-                os.fsync(file.fileno())
+                if sync:
+                    os.fsync(file.fileno())
                 if unnamed and not _name_unnamed(file, hidden, target, force):
                     unnamed = False
                     _copy(file, hidden)
@@ -95,7 +98,8 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
                 os.unlink(hidden)
     except OSError as error:
         raise write_failure(path, error) from error
-    sync_folder(folder)
+    if sync:
+        sync_folder(folder)
 
 
 class FileWriter:
@@ -113,12 +117,15 @@ class FileWriter:
 
     def open_file(self, path: str, force: bool) -> BinaryIO:
         """Return a new file of several, whose names `name_files` gives; see `whole_file`."""
-        file = self.opened.enter_context(whole_file(path, force))
+        file = self.opened.enter_context(whole_file(path, force, sync=False))
         self._files.append((path, file))
         return file
 
     def name_files(self) -> None:
-        """Give the files their names, the last opened first, once all of them are on disk."""
+        """Give the files their names, the last opened first, once all of them are on disk.
+
+        Nothing waits for the disk between two names: a kill is unlikely to separate the files.
+        """
         for path, file in self._files:
             try:
                 file.flush()
@@ -126,6 +133,8 @@ class FileWriter:
             except OSError as error:
                 raise write_failure(path, error) from error
         self.opened.close()
+        for folder in {os.path.dirname(os.path.realpath(path)) for path, _ in self._files}:
+            sync_folder(folder)
 
     def __enter__(self) -> Self:
         return self
