@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 from lagcli.named_tuples import NamedTuple
@@ -160,6 +160,26 @@ def check_argument(function: str, value: object, expected: type, remedy: str) ->
             f"lagcli.{function}: the argument is of type {type(value).__name__}, not"
             f" {expected.__name__}; {remedy}"
         )
+
+
+def check_values(argument: str, values: object) -> None:
+    """Raise UsageError unless an argument maps names to values; None stands for no values."""
+    if values is None:
+        return
+    if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
+        raise UsageError(f"`{argument}` must be a dict such as {{'m': 2}}, not {values!r}")
+
+
+def check_texts(argument: str, values: object, example: str) -> None:
+    """Raise UsageError unless an argument is a list of texts, like the example; a text is none."""
+    if not _are_texts(values):
+        raise UsageError(f"`{argument}` must be a list of texts such as {example}, not {values!r}")
+
+
+def _are_texts(values: object) -> bool:
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        return False
+    return all(isinstance(x, str) for x in values)
 
 
 class ModelError(LagcliError):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import copyreg
 import gc
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagcli.data_classes import replace
-from lagcli.errors import Diagnostic, ModelError
+from lagcli.errors import Diagnostic, ModelError, check_values
 from lagcli.model import keys
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
@@ -184,7 +185,7 @@ def load(
     ModelError
         The file is not a valid model; contains all diagnostics.
     UsageError
-        The file has no such preset.
+        The file has no such preset, or an argument is no mapping of names to values.
     """
     text, name = read_text(path)
     return load_text(text, name, set, set_initial, drawn=drawn, preset=preset)
@@ -203,6 +204,8 @@ def load_text(
 
     ``data`` are tables of inputs that are already loaded: their files are not read.
     """
+    check_values("set", set)
+    check_values("set_initial", set_initial)
     if preset is not None:
         from lagcli.model.sections.presets import with_preset
 
@@ -215,6 +218,15 @@ def load_text(
         root, diagnostics = compose(source)
         draft = Draft(source, root, Diagnostics(diagnostics))
         return _model(draft, set or {}, set_initial or {}, data or {}, drawn)
+
+
+def _pickled(model: Model) -> tuple[Any, ...]:
+    """Return what determines a model: its text, its tables, and the values that replace others."""
+    drawn = not model.view_errors
+    return load_text, (model.text, model.path, model.set, model.set_initial, model.data, drawn)
+
+
+copyreg.pickle(Model, _pickled)
 
 
 @contextmanager

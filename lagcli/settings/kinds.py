@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
+from operator import index
 from typing import Any, ClassVar, Generic, Self, TypeVar, overload
 
 from lagcli.errors import UsageError
@@ -97,9 +98,22 @@ class Setting(Generic[T]):
 class RealNumber(Setting[T]):
     """A number."""
 
-    #: Conversion of values of this kind; NumPy's numbers support it too.
-    conversion = "__float__"
     what = "a number"
+
+    def convert(self, value: Any) -> Any:
+        """Return a number of another type, such as NumPy's, as one of Python's.
+
+        `problems` rejects what is no number, which stays as it is.
+        """
+        if isinstance(value, bool) or not hasattr(value, "__float__"):
+            return value
+        try:
+            number = float(value)
+        except OverflowError:
+            return math.inf if value > 0 else -math.inf
+        except (TypeError, ValueError):
+            return value
+        return value if isinstance(value, int) else number
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a value."""
@@ -107,20 +121,35 @@ class RealNumber(Setting[T]):
 
     def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a number; messages call it ``what``."""
-        if isinstance(value, bool) or not hasattr(value, self.conversion):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
             yield self.error(f"{what} must be {self.what}, not {value!r}")
-        elif not math.isfinite(value):
+        elif isinstance(value, float) and not math.isfinite(value):
             yield self.error(f"{what} must be a finite number, not {value}")
         elif self.check is not None and (problem := self.check(value)) is not None:
-            shown = value if hasattr(value, "__index__") else f"{value:g}"
+            shown = value if isinstance(value, int) else f"{value:g}"
             yield self.error(f"{what} {problem[0]}, not {shown}", problem[1])
 
 
 class WholeNumber(RealNumber[T]):
     """A whole number."""
 
-    conversion = "__index__"
     what = "a whole number"
+
+    def convert(self, value: Any) -> Any:
+        """Return a whole number of another type as one of Python's."""
+        if isinstance(value, bool) or not hasattr(value, "__index__"):
+            return value
+        try:
+            return index(value)
+        except TypeError:
+            return value
+
+    def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
+        """Yield the errors of a number; messages call it ``what``."""
+        if isinstance(value, float):
+            yield self.error(f"{what} must be {self.what}, not {value!r}")
+        else:
+            yield from super().number_problems(what, value)
 
 
 class Choice(Setting[T]):
@@ -128,7 +157,7 @@ class Choice(Setting[T]):
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a value."""
-        if value not in self.choices:
+        if not isinstance(value, str) or value not in self.choices:
             same = [word for word in self.choices if word.lower() == str(value).lower()]
             known = "known are " + ", ".join(self.choices)
             help_ = f"did you mean `{same[0]}`?" if same else known
@@ -156,9 +185,12 @@ class Times(Setting[tuple[float, ...] | None]):
             The value is not a list of times.
         """
         try:
-            return tuple(float(x) for x in value)
-        except (TypeError, ValueError):
-            raise UsageError(f"{self.name} must be numbers, not {value!r}") from None
+            times = tuple(value)
+            if not any(isinstance(x, str) for x in times):
+                return tuple(map(float, times))
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise UsageError(f"{self.name} must be numbers, not {value!r}")
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a value."""
@@ -172,6 +204,13 @@ class Times(Setting[tuple[float, ...] | None]):
 
 class Tolerances(RealNumber[float | Mapping[str, float] | None]):
     """One number for all coordinates and velocities, or numbers by their names."""
+
+    def convert(self, value: Any) -> Any:
+        """Return numbers of other types as those of Python."""
+        convert = super().convert
+        if isinstance(value, Mapping):
+            return {name: convert(x) for name, x in value.items()}
+        return convert(value)
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a value."""
@@ -187,7 +226,12 @@ class Names(Setting[tuple[str, ...] | None]):
 
     def convert(self, value: Any) -> Any:
         """Return a given value as it is kept."""
-        return (value,) if isinstance(value, str) else tuple(value)
+        if isinstance(value, str):
+            return (value,)
+        try:
+            return tuple(value)
+        except TypeError:
+            raise UsageError(f"{self.name} must be a list of names, not {value!r}") from None
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield the errors of a value."""

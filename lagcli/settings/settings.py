@@ -120,7 +120,17 @@ class SettingsOverrides(_Declared, GivenValues):
         return {name: self.__dict__[name] for name in self.DECLARED if name in self.__dict__}
 
     def over(self, lower: SettingsOverrides) -> Self:
-        """Return these settings, completed from a lower level."""
+        """Return these settings, completed from a lower level.
+
+        Raises
+        ------
+        UsageError
+            The lower level are no settings.
+        """
+        if not isinstance(lower, SettingsOverrides):
+            raise UsageError(
+                f"`settings` is of type {type(lower).__name__}; give settings by name: t_end=2.0"
+            )
         values = {**lower.as_dict(), **self.as_dict()}
         if any(name in self.__dict__ for name in _GRID):
             # the higher level's choice replaces the lower's

@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.tape.ticks import counted, simplest
+from lagcli.errors import UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.settings.settings import Settings
 
@@ -49,10 +50,19 @@ def _counted(settings: Settings) -> Array | None:
 def absolute_tolerances(
     given: float | Mapping[str, float] | None, coordinates: tuple[str, ...]
 ) -> float | Array:
-    """Return the absolute tolerances of q, v and the work; 0 if they follow the size."""
+    """Return the absolute tolerances of q, v and the work; 0 if they follow the size.
+
+    Raises
+    ------
+    UsageError
+        A name is not that of a coordinate or a velocity.
+    """
     if not isinstance(given, Mapping):
         return given or 0.0
     names = (*coordinates, *(f"{q}'" for q in coordinates))
+    for name in given:
+        if name not in names:
+            raise UsageError(f"atol names `{name}`, which is not a coordinate or a velocity (`x'`)")
     return np.array([*(given.get(name, 0.0) for name in names), 0.0])
 
 

@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 from lagcli.column_units import NOT_STATED
 from lagcli.engine.contract import Interrupted
-from lagcli.errors import FileError, UsageError
+from lagcli.errors import FileError, UsageError, check_texts, check_values
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import read_text
@@ -165,6 +166,9 @@ def sweep(
     began = time.monotonic()
     path = os.fspath(output)
     _check_arguments(vary, measures, {"set": set, "set_initial": set_initial})
+    seed = _whole("seed", seed)
+    if jobs is not None and _whole("jobs", jobs) < 1:
+        raise UsageError(f"`jobs` must be at least 1, not {jobs}")
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     text, name = (model.text, model.path) if isinstance(model, Model) else read_text(model)
@@ -203,23 +207,18 @@ def _check_arguments(
     ------
     UsageError
     """
-    if not _are_texts(vary):
-        raise UsageError(f"`vary` must be a list of texts such as ['m=1:2:0.1'], not {vary!r}")
+    check_texts("vary", vary, "['m=1:2:0.1']")
     texts = [*measures, *measures.values()] if isinstance(measures, Mapping) else measures
-    if not _are_texts(texts):
-        raise UsageError(
-            "`measures` must be a list of texts such as ['peak=max(x)'], or a dict such as"
-            f" {{'peak': 'max(x)'}}, not {measures!r}"
-        )
+    check_texts("measures", texts, "['peak=max(x)'], or a dict such as {'peak': 'max(x)'}")
     for argument, values in replaced.items():
-        if values is not None and not (isinstance(values, Mapping) and _are_texts([*values])):
-            raise UsageError(f"`{argument}` must be a dict such as {{'m': 2}}, not {values!r}")
+        check_values(argument, values)
 
 
-def _are_texts(values: object) -> bool:
-    if not isinstance(values, Sequence) or isinstance(values, str):
-        return False
-    return all(isinstance(x, str) for x in values)
+def _whole(argument: str, value: object) -> int:
+    """Return an argument that is a whole number; raise UsageError if it is none."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise UsageError(f"`{argument}` must be a whole number, not {value!r}")
+    return int(value)
 
 
 class _Sweep:

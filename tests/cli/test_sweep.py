@@ -220,6 +220,9 @@ def test_usage_errors(here: Here, arguments: tuple[str, ...], status: int, said:
         ({"measures": {"peak": None}}, "`measures` must be a list of texts such as ["),
         ({"set": ["m=2"]}, "`set` must be a dict such as {'m': 2}, not ['m=2']"),
         ({"set_initial": {1: 2}}, "`set_initial` must be a dict"),
+        ({"jobs": 0}, "`jobs` must be at least 1, not 0"),
+        ({"jobs": 1.5}, "`jobs` must be a whole number, not 1.5"),
+        ({"vary": ["l=0.2..0.3"], "sample": "sobol:4", "seed": 1.5}, "`seed` must be a whole"),
     ],
 )
 def test_arguments_of_wrong_types_are_named(
@@ -227,6 +230,7 @@ def test_arguments_of_wrong_types_are_named(
 ) -> None:
     with pytest.raises(UsageError, match=re.escape(said)):
         lagcli.sweep("slider_crank", output="a.h5", **{"vary": ["l=0.2"], **arguments})
+    assert os.listdir() == []
 
 
 def test_targets(here: Here) -> None:

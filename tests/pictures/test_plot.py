@@ -22,6 +22,7 @@ from svg_labels import with_whole_labels
 
 import lagcli
 from lagcli.cli.app import run
+from lagcli.errors import UsageError
 from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.plots.run_plot import labels_of
 from lagcli.pictures.run_file import RunFile
@@ -200,6 +201,12 @@ def test_runs_of_other_starts_or_options(
         for m, o in ((again, {}), (model, options))
     ]
     assert label in labels_of(runs)[0][1]
+
+
+@pytest.mark.parametrize("arguments", [{"names": "phi"}, {"bands": "l=5%"}, {"names": 3}])
+def test_one_text_is_no_list_of_texts(tmp_path: Path, arguments: dict[str, object]) -> None:
+    with pytest.raises(UsageError, match="must be a list of texts such as"):
+        lagcli.plot("slider_crank.h5", tmp_path / "a.svg", **arguments)  # type: ignore[arg-type]
 
 
 def test_from_python(tmp_path: Path) -> None:

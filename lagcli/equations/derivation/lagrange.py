@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import symengine as se
 from symengine import Basic
@@ -132,6 +133,10 @@ class Equations:
     time_power: Basic
     outputs: Mapping[str, Basic]
     recursive: RecursiveEquations | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the model, which determines its equations."""
+        return derive, (self.model,)
 
     @cached_property
     def _motion(self) -> Motion:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from lagcli.errors import ModelError, UsageError
+from lagcli.errors import ModelError, UsageError, check_texts
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.run_file import RunFile, check_source
@@ -71,6 +71,8 @@ def plot(
     FileError
         A file cannot be read or written.
     """
+    check_texts("names", names, "['phi', 'lambda.guide']")
+    check_texts("bands", bands, "['l=5%']")
     path = os.fspath(output)
     kind = check_picture(path, force)
     sources: list[Source]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import sys
 import time
 from pathlib import Path
@@ -11,7 +13,9 @@ import numpy as np
 import pytest
 import symengine as se
 
-from lagcli.errors import ModelError
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.render import render
+from lagcli.errors import ModelError, UsageError
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.loader import load, load_text
@@ -457,3 +461,35 @@ def test_the_entries_proposed_for_missing_initial_values_are_valid(coordinates, 
     assert found.help.splitlines()[2].strip() == entry
     proposed = [f"{key}" for key in map(str.strip, found.help.splitlines()[2:])]
     assert load_text(text(", ".join([*([given] if given else []), *proposed])))
+
+
+@pytest.mark.parametrize("argument", ["set", "set_initial"])
+@pytest.mark.parametrize("values", ["m=2", ["m=2"], 3, {1: 2}])
+def test_replaced_values_are_a_mapping_of_names(argument: str, values: object) -> None:
+    with pytest.raises(UsageError, match=f"`{argument}` must be a dict such as"):
+        load_text(TEXT, **{argument: values})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "chain", "bouncing_ball", "four_bar"])
+def test_models_and_equations_can_be_pickled_and_copied(name: str) -> None:
+    for preset in (None, *(p.name for p in load(name).presets)):
+        changed = load(name, preset=preset, set={"g": 3})
+        for other in (pickle.loads(pickle.dumps(changed)), copy.deepcopy(changed)):
+            assert other.parameter_values == changed.parameter_values
+            values = {key: x.value for key, x in changed.initial.items()}
+            assert {key: x.value for key, x in other.initial.items()} == values
+            assert (other.name, other.text) == (changed.name, changed.text)
+        equations = derive(changed)
+        assert render(pickle.loads(pickle.dumps(equations))) == render(equations)
+
+
+def test_a_pickled_model_keeps_the_tables_of_its_inputs(tmp_path: Path) -> None:
+    (tmp_path / "u.csv").write_text("t,u\n0,1\n1,2\n")
+    path = tmp_path / "model.yaml"
+    path.write_text(
+        "coordinates: [x]\ninputs: {u: {file: u.csv, time: t, column: u}}\nT: x'^2/2\nV: -u*x\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    pickled = pickle.dumps(load(path))
+    (tmp_path / "u.csv").unlink()
+    assert pickle.loads(pickled).inputs["u"].data.values.tolist() == [1, 2]

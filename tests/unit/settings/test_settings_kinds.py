@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -69,12 +71,49 @@ def test_values_in_range(name: str, value: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "kept"),
+    [
+        ("step", np.float32(0.5), 0.5),
+        ("step", np.array(0.5), 0.5),
+        ("step", Fraction(1, 4), 0.25),
+        ("step", Decimal("0.5"), 0.5),
+        ("step", 2, 2),
+        ("count", np.int64(3), 3),
+        ("count", np.array(3), 3),
+        ("atol", np.float64(1e-9), 1e-9),
+        ("atol", {"x": np.float64(1e-9)}, {"x": 1e-9}),
+        ("times", np.array([0, 1], dtype=np.float32), (0.0, 1.0)),
+    ],
+)
+def test_numbers_of_other_types_are_kept_as_those_of_python(
+    name: str, value: Any, kept: object
+) -> None:
+    found = Given(**{name: value}).__dict__[name]
+    assert repr(found) == repr(kept)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("times", ["0", "1"]), ("times", "01"), ("times", 1.0), ("names", 3)]
+)
+def test_what_is_no_list_is_an_error(name: str, value: Any) -> None:
+    with pytest.raises(UsageError, match=f"{name} must be"):
+        Given(**{name: value})
+
+
+@pytest.mark.parametrize(
     ("name", "value", "message"),
     [
         ("step", 0, "step must be greater than 0, not 0"),
         ("step", True, "step must be a number, not True"),
         ("step", "1", "step must be a number, not '1'"),
         ("step", math.inf, "step must be a finite number, not inf"),
+        ("step", np.array([1.0]), "step must be a number, not array([1.])"),
+        ("step", 10**400, "step must be a finite number, not inf"),
+        ("step", np.float32(-1), "step must be greater than 0, not -1"),
+        ("count", np.array([3]), "count must be a whole number, not array([3])"),
+        ("count", np.float64(3), "count must be a whole number, not np.float64(3.0)"),
+        ("count", -(10**400), f"count must lie between 1 and 10^8, not -1{'0' * 400}"),
+        ("method", ["Taylor"], "there is no method `['Taylor']`"),
         ("count", 1.0, "count must be a whole number, not 1.0"),
         ("count", 0, "count must lie between 1 and 10^8, not 0"),
         ("method", "taylor", "there is no method `taylor`"),

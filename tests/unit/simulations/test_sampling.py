@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lagcli.errors import UsageError
 from lagcli.settings.settings import Settings
 from lagcli.simulations.sampling import absolute_tolerances, sample_times
 
@@ -48,3 +49,9 @@ def test_tolerances_by_name_stand_in_the_order_of_the_state() -> None:
     )  # x, y, x', y', work
     assert absolute_tolerances(1e-9, ("x",)) == 1e-9
     assert absolute_tolerances(None, ("x",)) == 0.0
+
+
+@pytest.mark.parametrize("name", ["z", "x_dot", "x''"])
+def test_a_tolerance_of_nothing_is_an_error(name: str) -> None:
+    with pytest.raises(UsageError, match=f"atol names `{name}`"):
+        absolute_tolerances({"x": 1e-6, name: 1e-6}, ("x", "y"))
