@@ -38,7 +38,10 @@ class Reader(Protocol):
     conserved_names: tuple[str, ...]
     sensitivity: tuple[str, ...]
     terms: Terms
-    record: Record
+
+    @property
+    def record(self) -> Record:
+        """The record of the run."""
 
     def count(self) -> int:
         """Return the number of samples."""

@@ -18,12 +18,24 @@ if TYPE_CHECKING:
 
 
 def sample_times(settings: Settings) -> Array:
-    """Return the sample times, s, (sample_count,)."""
+    """Return the sample times, s, (sample_count,).
+
+    Raises
+    ------
+    UsageError
+        Doubles do not distinguish neighbouring times.
+    """
     if settings.times is not None:
         return np.array(settings.times)
     start, end, count = settings.t_start, settings.t_end, settings.sample_count
     if count == 1:
         return np.array([start if settings.dt is not None else end])
+    spacing = settings.dt or (end - start) / (count - 1)
+    if spacing <= np.spacing(max(abs(start), abs(end))):
+        raise UsageError(
+            f"samples {spacing:.3g} s apart are not distinct times between {start:g} and {end:g} s;"
+            " take fewer samples, or a later t_end"
+        )
     exact = _counted(settings) if start else None
     if exact is not None:
         return np.minimum(exact, end)

@@ -26,14 +26,17 @@ from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
 from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
+from lagcli.results.csv.gaps import Gaps
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
 from lagcli.results.metadata import check_times
-from lagcli.trajectory.samples import Terms
+from lagcli.trajectory.samples import Record, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
 #: Number of values read at once, if a file is read in blocks.
 _NUMBERS_READ = 1 << 20
+#: Difference of sums that is rounding, also of numbers that another program rounded.
+_ROUNDED = 1e-5
 
 
 @contextmanager
@@ -62,12 +65,21 @@ class CsvReader:
         self.conserved_names, self.outputs = names.conserved, names.outputs
         self.sensitivity, self._missing = names.sensitivity, names.missing
         self._reached = -math.inf  # the time of the last sample so far
-        self.record = read_sidecar(path, self.coordinates, self.constraints)
+        self._gaps = Gaps()
+        self._record = read_sidecar(path, self.coordinates, self.constraints)
+
+    @property
+    def record(self) -> Record:
+        """The record, with a warning if samples read so far have gaps that no sidecar explains."""
+        warning = None if self._record.status else self._gaps.warning()
+        if warning is None:
+            return self._record
+        return Record(**{**vars(self._record), "warnings": (warning,)})
 
     def count(self) -> int:
-        """Return the number of samples: lines without the header."""
+        """Return the number of samples: lines that are not blank, without the header."""
         with open(self._path, "rb") as file:
-            return sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b"")) - 1
+            return sum(not line.isspace() for line in file) - 1
 
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
@@ -118,16 +130,40 @@ class CsvReader:
             else:
                 fields[name] = block.reshape([length[axis] for axis in ARRAYS[name].axes])
         self._check_times(fields["time"])
+        self._check_forces(fields["constraint_force"], fields["constraint_force_by"])
         return fields
 
     def _check_times(self, time: Array) -> None:
         try:
             check_times(time, self._reached)
         except ValueError as error:
-            raise FileError(
-                f"cannot read {self._path}: {error}; copy it again, or run the simulation again"
-            ) from None
+            raise self._changed(str(error)) from None
+        equal = time[1:][time[1:] == time[:-1]]
+        if len(time) and (len(equal) or time[0] == self._reached):
+            twice = float(equal[0] if len(equal) else time[0])
+            raise self._changed(f"there are two samples at t = {twice:g} s")
+        self._gaps.add(time)
         self._reached = float(time[-1]) if len(time) else self._reached
+
+    def _check_forces(self, total: Array, terms: Array) -> None:
+        """Raise unless the constraint forces are the sums of their terms, which are stored too."""
+        if "constraint_force_by" in self._missing:
+            return
+        with np.errstate(invalid="ignore", over="ignore"):
+            size = self.terms.total(abs(terms))
+            wrong = abs(total - self.terms.total(terms)) > _ROUNDED * size
+        if wrong.any():
+            sample, place = np.argwhere(wrong)[0]
+            raise self._changed(
+                f"Qc.{self.coordinates[place]} of sample {sample} is not the sum of the forces of"
+                " the constraints: a number was changed, or columns were exchanged"
+            )
+
+    def _changed(self, problem: str) -> FileError:
+        """Return the error of contents that lagcli does not write."""
+        return FileError(
+            f"cannot read {self._path}: {problem}; copy it again, or run the simulation again"
+        )
 
 
 def _check_last_line(path: str) -> None:

@@ -51,6 +51,19 @@ def test_tolerances_by_name_stand_in_the_order_of_the_state() -> None:
     assert absolute_tolerances(None, ("x",)) == 0.0
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"t_start": 1e15, "t_end": 1e15 + 1, "samples": 101},
+        {"t_start": 1e6, "t_end": 1e6 + 1e-6, "dt": 1e-11},
+        {"t_start": 0.0, "t_end": 5e-324, "samples": 3},
+    ],
+)
+def test_times_that_are_not_distinct_are_an_error(settings: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match="are not distinct times"):
+        sample_times(Settings(**settings))
+
+
 @pytest.mark.parametrize("name", ["z", "x_dot", "x''"])
 def test_a_tolerance_of_nothing_is_an_error(name: str) -> None:
     with pytest.raises(UsageError, match=f"atol names `{name}`"):

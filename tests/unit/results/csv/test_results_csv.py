@@ -30,6 +30,9 @@ from trajectories import (
 from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
+from lagcli.results.csv import reader
+from lagcli.results.formats import open_reader
+from lagcli.results.info import describe
 from lagcli.trajectory.trajectory import Trajectory
 
 SCALARS_AND_RESIDUALS = ",".join(
@@ -48,6 +51,11 @@ HEADER = (
 def _written(folder: Path, trajectory: Trajectory, meta: bool = False) -> Path:
     write(trajectory, folder / "run.csv", meta=meta)
     return folder / "run.csv"
+
+
+def _store(path: Path, rows: list[list[str]]) -> None:
+    with path.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def test_columns_and_numbers(tmp_path: Path) -> None:
@@ -284,6 +292,63 @@ def test_a_cut_within_a_line_is_noticed(tmp_path: Path) -> None:
             path.write_bytes(whole[:size])
             with pytest.raises(FileError):
                 read(path)
+
+
+@pytest.mark.parametrize("nt", [5, 300])
+def test_a_line_that_occurs_twice_is_noticed(
+    tmp_path: Path, nt: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _written(tmp_path, make(nt))
+    header, *lines = path.read_text().splitlines(keepends=True)
+    for place in (0, nt // 2, nt - 1):
+        path.write_text("".join([header, *lines[: place + 1], *lines[place:]]))
+        with pytest.raises(FileError, match="there are two samples at t = "):
+            read(path)
+    monkeypatch.setattr(reader, "_NUMBERS_READ", 3)
+    with open_reader(path) as file, pytest.raises(FileError, match="there are two samples at"):
+        list(file.columns(["time"]))
+
+
+def test_changed_and_exchanged_forces_are_noticed(tmp_path: Path) -> None:
+    path = _written(tmp_path, make(constraints=("rod", "guide")))
+    rows = list(csv.reader(io.StringIO(path.read_text())))
+    places = [i for i, title in enumerate(rows[0]) if title.startswith("Qc.")]
+    for place in places:
+        changed = [list(row) for row in rows]
+        changed[3][place] = repr(float(changed[3][place]) + 1)
+        _store(path, changed)
+        with pytest.raises(FileError, match=r"Qc\.\w+ of sample 2 is not the sum"):
+            read(path)
+    exchanged = [list(row) for row in rows]
+    for row in exchanged[1:]:
+        row[places[0]], row[places[1]] = row[places[1]], row[places[0]]
+    _store(path, exchanged)
+    with pytest.raises(FileError, match="columns were exchanged"):
+        read(path)
+    _store(path, [rows[0], *([f"{float(x):.6g}" for x in row] for row in rows[1:])])
+    assert len(read(path).time) == 5  # rounded by a spreadsheet
+
+
+def test_missing_lines_are_a_warning_without_a_sidecar(tmp_path: Path) -> None:
+    run = make(50, time=np.linspace(0.0, 4.9, 50))
+    path = _written(tmp_path, run)
+    assert read(path).warnings == ()
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:21] + lines[22:]))
+    said = "samples may be missing between t = 1.9 and 2.1 s: others are 0.1 s apart"
+    assert read(path).warnings == (said,)
+    assert describe(path)["warnings"] == [said]
+    own = make(49, time=np.delete(run.time, 20))
+    write(own, path, force=True, meta=True)
+    assert read(path).warnings == own.warnings
+
+
+def test_blank_lines_are_no_samples(tmp_path: Path) -> None:
+    path = _written(tmp_path, make())
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n\r\n"))
+    with open_reader(path) as file:
+        assert file.count() == 5
+    assert len(read(path).time) == 5
 
 
 def test_standard_output(tmp_path: Path) -> None:
