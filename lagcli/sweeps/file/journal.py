@@ -119,15 +119,21 @@ class Journal:
 
     def close(self) -> None:
         """Sync and close the file without removing it."""
-        with suppress(OSError):
+        with suppress(OSError, ValueError):  # the latter once it is closed
             os.fsync(self._file)
-        os.close(self._file)
+        self._release()
 
     def remove(self) -> None:
         """Remove the file, once its contents are in the result file."""
         with suppress(FileNotFoundError):
             os.unlink(self.path)
-        os.close(self._file)
+        self._release()
+
+    def _release(self) -> None:
+        """Close the file, unless an interrupt comes after that."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            os.close(file)
 
     @property
     def lost(self) -> bool:

@@ -251,6 +251,16 @@ def test_one_writer_at_a_time(tmp_path: Path) -> None:
     Journal(str(tmp_path / "j"), HEADER).close()
 
 
+@pytest.mark.parametrize("first", ["close", "remove"])
+def test_a_journal_is_closed_once(tmp_path: Path, first: str) -> None:
+    """An interrupt after the end of a sweep closes its journal again."""
+    journal = Journal(str(tmp_path / "s.h5.journal"), {"sweep": {}})
+    getattr(journal, first)()
+    other = os.open(tmp_path, os.O_RDONLY)  # may have the number of the closed file
+    journal.close()
+    os.close(other)
+
+
 def test_other_files_are_no_journals(tmp_path: Path) -> None:
     (tmp_path / "j").write_text("something else, and long enough to be looked at")
     with pytest.raises(FileError, match="not a journal"):
