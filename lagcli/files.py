@@ -7,7 +7,7 @@ import os
 import shlex
 import stat
 
-from lagcli.errors import FileError
+from lagcli.errors import FileError, UsageError
 
 
 def read_failure(path: str, error: OSError) -> FileError:
@@ -52,6 +52,17 @@ def check_regular(path: str) -> int:
     if not stat.S_ISREG(status.st_mode):
         raise FileError(f"cannot read {path}: it is not a regular file; save it to one first")
     return status.st_size
+
+
+def refuse_same_file(source: str, output: str | None, what: str = "the model itself") -> None:
+    """Refuse to overwrite a file that is read, even with --force; ``-`` is no file."""
+    if output and output != "-" and source != "-":
+        try:
+            same = os.path.samefile(output, source)
+        except (OSError, ValueError):  # one of them does not exist, or is not a valid path
+            return
+        if same:
+            raise UsageError(f"{output} is {what}; choose another name for the result")
 
 
 def exists(path: str) -> FileError:

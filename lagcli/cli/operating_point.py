@@ -7,11 +7,12 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from lagcli.cli.options import assignments, refuse_same_file
+from lagcli.cli.options import assignments
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import tell, text_width
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
+from lagcli.files import refuse_same_file
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model

@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Annotated, Any
 
 from lagcli.cli.parameters import Argument, CommandParameter, Option, parameters_of
@@ -90,17 +89,6 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
             )
         values[name] = value
     return values
-
-
-def refuse_same_file(model: str, output: str | None) -> None:
-    """Refuse to overwrite the model itself, even with --force."""
-    if output and output != "-" and model != "-":
-        try:
-            same = Path(output).samefile(model)
-        except OSError:  # one of them does not exist, or is not a valid path
-            return
-        if same:
-            raise UsageError(f"{output} is the model itself; choose another name for the result")
 
 
 CommandFunction = Callable[..., int | None]

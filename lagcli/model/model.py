@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from functools import cached_property
 from types import MappingProxyType
@@ -615,6 +616,12 @@ class Model:
         with ``set_initial`` changes them."""
         velocities = {f"{name}'": value for name, value in self.initial_velocities.items()}
         return {**self.initial_positions, **velocities}
+
+    @property
+    def input_files(self) -> tuple[str, ...]:
+        """Paths of the CSV files of the inputs."""
+        folder = os.path.dirname(self.path)
+        return tuple(os.path.join(folder, x.file) for x in self.data.values() if x.file)
 
     @property
     def structural_parameters(self) -> tuple[str, ...]:

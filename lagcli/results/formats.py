@@ -65,11 +65,14 @@ class FormatFunctions(NamedTuple):
         Raises the errors of a writer, as far as they can be determined in advance.
     open_writer : callable of (path, force, meta)
     open_reader : callable of (path)
+    files : callable of (path)
+        Returns the files that a writer writes or removes.
     """
 
     check_target: Callable[[str, bool, bool], None]
     open_writer: Callable[[str, bool, bool], AbstractContextManager[Writer]]
     open_reader: Callable[[str], AbstractContextManager[Reader]]
+    files: Callable[[str], tuple[str, ...]]
 
 
 class ResultFormat(NamedTuple):
@@ -103,14 +106,15 @@ def _hdf5() -> FormatFunctions:
     from lagcli.results.hdf5 import trajectories  # h5py takes 0.1 s to import
 
     return FormatFunctions(
-        trajectories.check_hdf5_target, trajectories.Hdf5Writer, trajectories.open_hdf5
+        *(trajectories.check_hdf5_target, trajectories.Hdf5Writer, trajectories.open_hdf5),
+        lambda path: (path,),
     )
 
 
 def _csv() -> FormatFunctions:
     from lagcli.results.csv import writer
 
-    return FormatFunctions(writer.check_csv_target, writer.CsvWriter, _open_csv)
+    return FormatFunctions(writer.check_csv_target, writer.CsvWriter, _open_csv, writer.files_of)
 
 
 def _open_csv(path: str) -> AbstractContextManager[Reader]:
@@ -220,6 +224,11 @@ def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool
     """
     path = os.fspath(output)
     _target_format(path).functions().check_target(path, force, meta)
+
+
+def files_of(output: str) -> tuple[str, ...]:
+    """Return the files that `write` writes or, with ``force``, removes; raises UsageError too."""
+    return _target_format(output).functions().files(output)
 
 
 def write(

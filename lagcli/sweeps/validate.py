@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
+from lagcli.files import refuse_same_file
 from lagcli.model.loader import load_text
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InputData, Model
@@ -80,6 +81,8 @@ def prepare_sweep(
 ) -> PreparedSweep:
     """Validate a sweep before its first row."""
     model = load_text(text, name, set, set_initial, data)
+    for source in model.input_files:
+        refuse_same_file(source, path, "a table of the model's inputs")
     taken = {**set, **_dotted(set_initial)}
     plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
     written = format_of(path)

@@ -349,6 +349,49 @@ def test_run_that_gives_up(here: Here, tmp_path: Path) -> None:
     assert len(read(target).time) > 1
 
 
+@pytest.mark.parametrize("meta", [(), ("--meta",)])
+@pytest.mark.parametrize("name", ["run.csv.json", "run.events.csv"])
+def test_a_model_is_not_overwritten_by_what_is_beside_a_result(
+    here: Here,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    meta: tuple[str, ...],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = Path(PENDULUM).read_text()
+    Path(name).write_text(text)
+    assert here("simulate", name, "-o", "run.csv", "--t-end", "0.1", "--force", *meta) == 2
+    assert f"{name} is the model itself" in here.err
+    assert os.listdir() == [name]
+    assert Path(name).read_text() == text
+
+
+def test_tables_that_are_read_are_not_overwritten(
+    here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sub").mkdir()
+    Path("sub/model.yaml").write_text(
+        "coordinates: [x]\nparameters: {m: 1}\ninputs: {u: {file: u.csv, time: t, column: u}}\n"
+        "T: m*x'^2/2\nV: -u*x\ninitial: {x: 0, x': 0}\n"
+    )
+    table = Path("sub/u.csv")
+    table.write_text("t,u\n0,1\n1,2\n")
+    Path("values.csv").write_text("m\n1\n2\n")
+    before = {path: path.read_bytes() for path in (table, Path("values.csv"))}
+    short = ("--t-end", "0.1", "--force")
+    assert here("simulate", "sub/model.yaml", "-o", "sub/u.csv", *short) == 2
+    assert "is a table of the model's inputs" in here.err
+    sweep = ("sweep", "sub/model.yaml", "--vary", "@values.csv", "--measure", "final(x)")
+    assert here(*sweep, "-o", "sub/u.csv", *short) == 2
+    assert "is a table of the model's inputs" in here.err
+    assert here(*sweep, "-o", "values.csv", *short) == 2
+    assert "values.csv is the table of --vary" in here.err
+    assert {path: path.read_bytes() for path in before} == before
+    assert here(*sweep, "-o", "other.csv", *short) == 0
+
+
 INTERRUPTED = """
 import os, signal
 import {module} as module

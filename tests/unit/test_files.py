@@ -8,8 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.errors import FileError
-from lagcli.files import check_readable, check_regular, read_failure, write_failure
+from lagcli.errors import FileError, UsageError
+from lagcli.files import (
+    check_readable,
+    check_regular,
+    read_failure,
+    refuse_same_file,
+    write_failure,
+)
 
 
 def test_a_regular_file_has_its_size(tmp_path: Path) -> None:
@@ -67,3 +73,13 @@ def test_an_empty_file_is_not_readable(tmp_path: Path) -> None:
         check_readable(str(tmp_path / "run.csv"))
     (tmp_path / "run.csv").write_text("t\n")
     check_readable(str(tmp_path / "run.csv"))
+
+
+def test_a_model_is_not_overwritten_by_its_result(tmp_path: Path) -> None:
+    model = tmp_path / "model.yaml"
+    model.write_text("T: 0")
+    (tmp_path / "link.h5").symlink_to(model)
+    with pytest.raises(UsageError, match="is the model itself"):
+        refuse_same_file(str(model), str(tmp_path / "link.h5"))
+    for output in (None, "-", str(tmp_path / "other.h5")):
+        refuse_same_file(str(model), output)

@@ -12,12 +12,12 @@ from lagcli.cli.options import (
     SetInitial,
     SetParameter,
     assignments,
-    refuse_same_file,
     with_settings,
 )
 from lagcli.cli.parameters import Argument, Option
 from lagcli.cli.quantities import REAL
 from lagcli.errors import UsageError
+from lagcli.files import refuse_same_file
 from lagcli.settings.settings import SettingsOverrides
 
 

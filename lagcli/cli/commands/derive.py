@@ -12,11 +12,11 @@ from lagcli.cli.options import (
     Quiet,
     SetParameter,
     assignments,
-    refuse_same_file,
 )
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width, visible_json
 from lagcli.errors import LagcliError, UsageError
+from lagcli.files import refuse_same_file
 
 
 class Format(StrEnum):

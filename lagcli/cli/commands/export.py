@@ -14,9 +14,9 @@ from lagcli.cli.options import (
     SetInitial,
     SetParameter,
     assignments,
-    refuse_same_file,
 )
 from lagcli.cli.parameters import Argument, Option
+from lagcli.files import refuse_same_file
 from lagcli.pictures.languages import Language
 
 if TYPE_CHECKING:

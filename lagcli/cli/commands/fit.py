@@ -12,10 +12,10 @@ from lagcli.cli.options import (
     SetInitial,
     SetParameter,
     assignments,
-    refuse_same_file,
     with_settings,
 )
 from lagcli.cli.parameters import Option
+from lagcli.files import refuse_same_file
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 

@@ -18,12 +18,12 @@ from lagcli.cli.options import (
     SetInitial,
     SetParameter,
     assignments,
-    refuse_same_file,
     with_settings,
 )
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width
 from lagcli.errors import UsageError
+from lagcli.files import refuse_same_file
 from lagcli.prose import counted
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
@@ -71,6 +71,7 @@ def simulate(
     from lagcli.cli.progress import Progress
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
+    from lagcli.results.formats import files_of
     from lagcli.simulations.cancellation import Interruption
     from lagcli.simulations.simulation import prepare
     from lagcli.trajectory.extremes import Extremes
@@ -86,7 +87,10 @@ def simulate(
         from lagcli.cli.output_name import resolve_name
 
         output = resolve_name(output, loaded)
-        refuse_same_file(model, output)
+        for name in files_of(output):
+            refuse_same_file(loaded.path, name)
+            for table in loaded.input_files:
+                refuse_same_file(table, name, "a table of the model's inputs")
         check_target(output, force=force, meta=meta)
     simulation = prepare(loaded, settings)
     simulation.check_memory()

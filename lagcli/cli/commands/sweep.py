@@ -18,13 +18,13 @@ from lagcli.cli.options import (
     SetInitial,
     SetParameter,
     assignments,
-    refuse_same_file,
     with_settings,
 )
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, text_width, visible
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
+from lagcli.files import refuse_same_file
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 
@@ -138,6 +138,9 @@ def sweep(
     from lagcli.sweeps.run import sweep as run_sweep
 
     refuse_same_file(model, output)
+    for item in vary or []:
+        if item.lstrip().startswith("@"):
+            refuse_same_file(item.strip()[1:], output, "the table of --vary")
     with (
         _workers(scheduler, jobs, quiet) as executor,
         RowProgress(enabled=not quiet, color=not no_color) as progress,

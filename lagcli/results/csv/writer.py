@@ -169,6 +169,11 @@ def _remove(path: str) -> None:
             raise write_failure(path, error) from error
 
 
+def files_of(path: str) -> tuple[str, ...]:
+    """Return the files that `CsvWriter` writes or removes."""
+    return () if path == "-" else (path, sidecar_path(path), events_path(path))
+
+
 def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None:
     """Raise an error if `CsvWriter` could not write there now.
 
@@ -193,9 +198,8 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
         return
     # an old sidecar, or event table, could be mistaken for one of the new file, so it is an
     # obstacle even for a file without one
-    check_writable(path, force)
-    check_writable(sidecar_path(path), force)
-    check_writable(events_path(path), force)
+    for name in files_of(path):
+        check_writable(name, force)
 
 
 def _header(samples: Samples) -> bytes:
