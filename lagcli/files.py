@@ -65,6 +65,11 @@ def refuse_same_file(source: str, output: str | None, what: str = "the model its
             raise UsageError(f"{output} is {what}; choose another name for the result")
 
 
+def shown_path(path: str | os.PathLike[str]) -> str:
+    """Return a path as text for files and pictures: with ? in place of bytes that are not UTF-8."""
+    return os.fspath(path).encode(errors="replace").decode()
+
+
 def exists(path: str) -> FileError:
     """Return the error for an existing file."""
     return FileError(f"{path} exists already; give --force to overwrite it, or another name")

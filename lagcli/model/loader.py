@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagcli.data_classes import replace
 from lagcli.errors import Diagnostic, ModelError, check_values
+from lagcli.files import shown_path
 from lagcli.model import keys
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
@@ -343,7 +344,7 @@ def _model(
 
         initial = {**positions, **{f"{name}'": x for name, x in velocities.items()}}
         fit = read_fit(draft, coordinates, initial)
-    name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
+    name = draft.text(draft.get("name"), "`name`") or Path(shown_path(draft.source.path)).stem
     title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()

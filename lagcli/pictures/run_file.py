@@ -14,6 +14,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, ModelError, UsageError
+from lagcli.files import shown_path
 from lagcli.results.formats import open_reader
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
@@ -81,7 +82,7 @@ class RunFile:
             self.record: Record = source
             self.count = len(source.time)
             return
-        self.name = os.fspath(source)
+        self.name = shown_path(source)
         with open_reader(source) as reader:
             self.coordinates, self.constraints = reader.coordinates, reader.constraints
             self.outputs, self.terms = reader.outputs, reader.terms

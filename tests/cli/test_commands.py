@@ -392,6 +392,41 @@ def test_tables_that_are_read_are_not_overwritten(
     assert here(*sweep, "-o", "other.csv", *short) == 0
 
 
+NOT_UTF8 = os.fsdecode(b"x\xff\xfe")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "derive NAME.yaml -o NAME.tex",
+        "derive NAME.yaml -o NAME.md",
+        "export NAME.yaml --to c -o NAME.c",
+        "export NAME.yaml --to python -o NAME.py",
+        "export NAME.yaml --to modelica -o NAME.mo",
+        "simulate NAME.yaml -o NAME.csv --meta --t-end 0.1 --force",
+        "sweep NAME.yaml --vary m=1,2 -o NAME.sweep.h5 --t-end 0.1",
+        "info NAME.h5",
+        "animate NAME.h5 -o NAME.anim.html",
+        "animate NAME.h5 -o NAME.gif --size 100x100 --fps 5",
+        "plot NAME.h5 NAME.csv x -o NAME.svg",
+        "report NAME.h5 -o NAME.html",
+        "report NAME.csv --model NAME.yaml -o NAME.html",
+    ],
+)
+def test_names_of_files_that_are_not_utf8(
+    here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = Path(PENDULUM).read_text()
+    Path(f"{NOT_UTF8}.yaml").write_text(re.sub("^(name|title):.*\n", "", text, flags=re.M))
+    for suffix in (".h5", ".csv"):
+        output = ("-o", f"{NOT_UTF8}{suffix}", "--t-end", "0.1", "--quiet")
+        assert here("simulate", f"{NOT_UTF8}.yaml", *output) == 0
+    done = lagcli(*(word.replace("NAME", NOT_UTF8) for word in line.split()))
+    assert done.returncode == 0, done.stderr
+
+
 INTERRUPTED = """
 import os, signal
 import {module} as module

@@ -22,7 +22,7 @@ from lagcli.results.hdf5.analysis_file import new_analysis_file, opened_analysis
 from lagcli.results.hdf5.container import add_array, add_texts, attach_axes, make_axis, set_text
 from lagcli.results.hdf5.inputs import read_inputs
 from lagcli.results.hdf5.structure import group, read_arrays, read_texts, text_attribute
-from lagcli.results.metadata import check_model, check_times, storable
+from lagcli.results.metadata import check_model, check_times
 from lagcli.version import __version__
 
 #: Datasets along ``parameter``, and their descriptions.
@@ -115,7 +115,7 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
                 set_text(dataset, "long_name", said)
         for number, data in enumerate(result.data):
             folder = root.create_group(f"data_{number}")
-            set_text(folder.id, "path", storable(data.path))
+            set_text(folder.id, "path", data.path)
             time = add_array(folder, "time", data.times)
             make_axis(time, "time")
             set_text(time, "units", "s")

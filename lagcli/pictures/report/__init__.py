@@ -133,7 +133,7 @@ def report(
             raise UsageError("--model is for runs; a file of an analysis contains its model")
         if modes is not None:
             raise UsageError(f"--modes is for runs; {os.fspath(source)} is a file of {kind}")  # type: ignore[arg-type]
-        page = analysis_page(os.fspath(source), kind, title, lang).encode()  # type: ignore[arg-type]
+        page = analysis_page(os.fspath(source), kind, title, lang).encode(errors="replace")  # type: ignore[arg-type]
         write_file(output, page, force)
         return Report(output, len(page), None, ())
     run = RunFile(source, model)
@@ -142,7 +142,7 @@ def report(
 
         page = assembled_pdf(run, title)
     else:
-        page = assembled(run, title, modes, lang).encode()
+        page = assembled(run, title, modes, lang).encode(errors="replace")
     write_file(output, page, force)
     status, message = run.record.status, run.record.message
     ended = f"the run is marked {status}{f': {message}' if message else ''}; the report says so"

@@ -20,7 +20,7 @@ from lagcli.results.hdf5.container import add_array, new_file, set_text
 from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import open_verified
 from lagcli.results.hdf5.structure import text_attribute
-from lagcli.results.metadata import check_model, shortened, storable, to_json
+from lagcli.results.metadata import check_model, shortened, to_json
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, InputTable
 
 #: The schema of values that replace those of a model.
@@ -69,7 +69,7 @@ def new_analysis_file(
     with new_file(path, force) as (root, sink):
         for name, value in texts.items():
             text = value if isinstance(value, str) else to_json(value)
-            set_text(root["/"].id, name, storable(text))
+            set_text(root["/"].id, name, text)
         write_inputs(root["/"], inputs)
         yield root
         sink.check()

@@ -17,6 +17,7 @@ from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
 from lagcli.arrays import Array, Indices
 from lagcli.results.atomic import whole_file
 from lagcli.results.hdf5.seal import seal
+from lagcli.results.metadata import storable
 
 _SCALAR = h5s.create(h5s.SCALAR)
 _NAMES = h5p.create(h5p.LINK_CREATE)
@@ -160,8 +161,8 @@ def add_texts(group: h5py.Group, name: str, texts: Sequence[str]) -> h5d.Dataset
 
 
 def set_text(place: Any, name: str, text: str) -> None:
-    """Write an attribute of a dataset, or of a file."""
-    data = text.encode()
+    """Write an attribute of a dataset, or of a file, without characters that it cannot store."""
+    data = storable(text).encode()
     kind = text_type(len(data))
     attribute = h5a.create(place, name.encode(), kind, _SCALAR)
     attribute.write(np.array(data, dtype=f"S{kind.get_size()}"), kind)

@@ -9,7 +9,6 @@ import numpy as np
 
 from lagcli.results.hdf5.container import add_array, set_text
 from lagcli.results.hdf5.structure import group, numbers, text_attribute
-from lagcli.results.metadata import storable
 from lagcli.trajectory.samples import InputTable
 
 _GROUP = "inputs"
@@ -26,7 +25,7 @@ def write_inputs(root: h5py.Group, inputs: Mapping[str, InputTable]) -> None:
             dataset = add_array(place, part, values)
             set_text(dataset, "units", unit or "not stated")
         for field in ("unit", "file", "sha256"):
-            set_text(place.id, field, storable(getattr(table, field)))
+            set_text(place.id, field, getattr(table, field))
 
 
 def read_inputs(root: h5py.Group) -> dict[str, InputTable]:
