@@ -71,7 +71,7 @@ def simulate(
     settings : SettingsOverrides, optional
         Defaults are taken from the model's ``simulation`` block.
     progress : callable, optional
-        Called with the current time, s, after each step.
+        Called now and then with the current time, s; a short run may not call it.
     **options
         Settings by name, instead of ``settings``.
 
