@@ -502,6 +502,7 @@ class ExpressionTemplate:
             or (isinstance(p, Name) and scope.has_value(p.text))
             for p in parts
         )
+        self.others = [p for p in parts if isinstance(p, Name) and not p.indices]
         self.first: tuple[list[Basic], Sized] | None = None
 
     def value(self) -> Sized:
@@ -514,18 +515,28 @@ class ExpressionTemplate:
             if names is not None:
                 return _renamed(self.first[1], names)
         built = self.build(self.tree)
-        if not (isinstance(built.value, Tensor) and built.value.factors):  # of a rotation
+        if isinstance(built.value, Tensor) and built.value.factors:  # of a rotation
+            return built
+        if self._others_contain(symbols):
+            self.renamable = False
+        else:
             self.first = symbols, built
         return built
 
     def _symbols(self) -> list[Basic] | None:
         symbols: list[Basic] = []
         for name in self.members:
-            symbol = self.scope.symbol(name)
-            if symbol is None:
+            own = self.scope.symbols(name)
+            if own is None:
                 return None
-            symbols.append(symbol)
+            symbols += own
         return symbols
+
+    def _others_contain(self, symbols: list[Basic]) -> bool:
+        """Whether a name without index, such as a definition, contains symbols of members."""
+        values = [self.scope.lookup(name).value for name in self.others]
+        entries = [x for v in values for x in (v.entries if isinstance(v, Tensor) else (v,))]
+        return any(not x.free_symbols.isdisjoint(symbols) for x in entries)
 
 
 def _renaming(old: Sequence[Basic], new: Sequence[Basic]) -> dict[Basic, Basic] | None:

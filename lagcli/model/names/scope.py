@@ -249,18 +249,18 @@ class Scope:
         """Whether a name is an index with a value."""
         return index in self.values
 
-    def symbol(self, name: Name) -> Basic | None:
-        """Return the symbol of a member; None if the member is not a symbol."""
+    def symbols(self, name: Name) -> list[Basic] | None:
+        """Return the symbol of a member, of a coordinate with its derivatives; None if it has none."""
         names = self.names
         text, primes = self.named(name)
         if text in names.coordinates:
-            return motion(text, primes)
+            return [motion(text, order) for order in range(3)]
         if text in names.definitions or primes:
             return None
         if "." in text:
-            return self._dotted(name, text)
+            return [self._dotted(name, text)]
         value = self.parameters[text]() if text in self.parameters else None
-        return value if isinstance(value, se.Symbol) else None
+        return [value] if isinstance(value, se.Symbol) else None
 
     def at(self) -> str:
         """Return the index values for messages: `` for i = 1``; empty without indices."""

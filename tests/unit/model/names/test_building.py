@@ -390,3 +390,52 @@ def test_renamed_expressions_are_those_built_again(text: str, built: int) -> Non
         scope.values["i"] = i
         assert template.value().value == build(parse(text), scope).value
     assert count == built
+
+
+SUMMED = """\
+coordinates: [x[1..3], y[1..3], a[1..3]]
+parameters: {m: 2, c: 0.3, g[1..3]: [1, 2, 3]}
+functions:
+  rate(z): z'
+  turn(z): omega(rot_z(z)).z
+definitions:
+  mean: (x[1] + x[2] + x[3])/3
+  last: x[3]^2
+  centre: [mean, y[2], 0]
+  total: sum(x[i] + i, i = 1..3)
+T: sum(x[i]'^2 + y[i]'^2 + a[i]'^2, i = 1..3)/2
+initial: {x[1..3]: 0, x[1..3]': 0, y[1..3]: 0, y[1..3]': 0, a[1..3]: 0, a[1..3]': 0}
+"""
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        "m*(x[i] - mean)^2",
+        "(x[i]' - mean')^2",
+        "x[i]'*mean",
+        "x[i]*last",
+        "x[i]*last'",
+        "y[i]*last",
+        "dot([x[i], y[i], 0], centre)",
+        "x[i]*total",
+        "rate(x[i]^2)",
+        "rate(g[i]*y[i])*x[i]'",
+        "rate(rate(sin(a[i])))",
+        "turn(a[i])^2",
+        "omega(rot_z(a[i])*rot_x(y[i])).x",
+        "body(m, diag(1, 1, c), [x[i], y[i], 0], rot_z(a[i]))",
+        "body(m, diag(1, 1, c), [x[i], y[i], 0] - centre, rot_z(a[i] - mean))",
+    ],
+)
+def test_a_sum_is_the_sum_of_its_terms(term: str) -> None:
+    terms = [term.replace("[i]", f"[{i}]") for i in (1, 2, 3)]
+    written = SUMMED + "outputs:\n"
+    written += f'  summed: "sum({term}, i = 1..3)"\n  added: "{" + ".join(terms)}"\n'
+    written += f'  each[i = 1..3]: "{term}"\n' + "".join(
+        f'  alone_{i}: "{x}"\n' for i, x in enumerate(terms, 1)
+    )
+    expressions = load_text(written).outputs
+    assert se.expand(expressions["summed"] - expressions["added"]) == 0
+    for i in (1, 2, 3):
+        assert expressions[f"each[{i}]"] == expressions[f"alone_{i}"]
