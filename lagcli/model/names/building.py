@@ -503,6 +503,7 @@ class ExpressionTemplate:
             for p in parts
         )
         self.others = [p for p in parts if isinstance(p, Name) and not p.indices]
+        self.order = 2  # of the highest derivative of a coordinate
         self.first: tuple[list[Basic], Sized] | None = None
 
     def value(self) -> Sized:
@@ -517,6 +518,8 @@ class ExpressionTemplate:
         built = self.build(self.tree)
         if isinstance(built.value, Tensor) and built.value.factors:  # of a rotation
             return built
+        self.order = built.order
+        symbols = self._symbols() or []
         if self._others_contain(symbols):
             self.renamable = False
         else:
@@ -526,7 +529,7 @@ class ExpressionTemplate:
     def _symbols(self) -> list[Basic] | None:
         symbols: list[Basic] = []
         for name in self.members:
-            own = self.scope.symbols(name)
+            own = self.scope.symbols(name, self.order)
             if own is None:
                 return None
             symbols += own

@@ -249,12 +249,15 @@ class Scope:
         """Whether a name is an index with a value."""
         return index in self.values
 
-    def symbols(self, name: Name) -> list[Basic] | None:
-        """Return the symbol of a member, of a coordinate with its derivatives; None if it has none."""
+    def symbols(self, name: Name, order: int) -> list[Basic] | None:
+        """Return the symbol of a member; None if it has none.
+
+        For a coordinate, these are the coordinate and its derivatives up to an order.
+        """
         names = self.names
         text, primes = self.named(name)
         if text in names.coordinates:
-            return [motion(text, order) for order in range(3)]
+            return [motion(text, n) for n in range(order + 1)]
         if text in names.definitions or primes:
             return None
         if "." in text:
