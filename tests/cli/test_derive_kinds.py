@@ -137,3 +137,17 @@ def test_without_a_consistent_start_there_is_the_first_kind_only(capsys, tmp_pat
     assert not capsys.readouterr().err
     assert run(["derive", str(model), "--kind", "second"]) in (2, 3)
     assert "error" in capsys.readouterr().err
+
+
+def test_branches_within_conditions_of_branches_are_solved(tmp_path, capsys) -> None:
+    """SymPy writes nested conditions in a form that SymEngine cannot read."""
+    path = tmp_path / "branches.yaml"
+    path.write_text(
+        "coordinates: [x, y]\nparameters: {m: 1.3, k: 2}\nT: m/2*x'^2 + m/2*y'^2\n"
+        "V: if(if(x < y, k, 2*k) > x, x^2, y)*x\n"
+        "Q: {x: 'if(k < x and if(x < 1, y, x) > y, x, 0)'}\n"
+        'constraints: {c: "x^2 + y = 1"}\n'
+        "initial: {x: 0.5, x': 0.1, y: {guess: 0.75}, y': {guess: 0}}\n"
+    )
+    text = printed(capsys, str(path), "--solve")
+    assert "2 if(k < x and y < if(x < 1, y, x), x, 0)" in text.split("Solved for the unknowns")[1]

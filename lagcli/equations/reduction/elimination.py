@@ -127,7 +127,9 @@ def _lowest_terms(numerator: Basic, denominator: Basic) -> tuple[Basic, Basic]:
     (above,), below = cancelled([numerator], denominator)
     if operations([above, below]) > _GROWTH * operations([numerator, denominator]):
         return numerator, denominator
-    if operations([above, below]) > _CANCELLED or below.atoms(se.Piecewise):
+    if operations([above, below]) > _CANCELLED:
+        return above, below
+    if above.atoms(se.Piecewise) or below.atoms(se.Piecewise):  # SymPy changes their conditions
         return above, below
     import sympy
     from symengine.lib.symengine_wrapper import sympy2symengine

@@ -17,6 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import symengine as se
 from symengine import Basic
@@ -73,6 +74,11 @@ def triangular_blocks(incidence: Sequence[set[int]]) -> list[CoordinateBlock]:
         rows = tuple(sorted(j for j in reach[i] if i in reach[j]))
         blocks.append(CoordinateBlock(rows, tuple(sorted(column_of[j] for j in rows))))
     return blocks
+
+
+def _inversions(order: Sequence[int]) -> int:
+    """Return the number of pairs that are not in ascending order."""
+    return sum(a > b for a, b in combinations(order, 2))
 
 
 def _matching(incidence: Sequence[set[int]]) -> dict[int, int]:
@@ -200,10 +206,17 @@ class CoordinatePartition:
     def determinants(self) -> tuple[Basic, ...]:
         """Determinants of the diagonal blocks; their product is that of the dependent block."""
         rows = [c.row for c in self.equations.constraints]
-        return tuple(
+        found = [
             determinant([[rows[i].get(j, ZERO) for j in b.columns] for i in b.rows])
             for b in self.blocks
+        ]
+        orders = (
+            [i for b in self.blocks for i in b.rows],
+            [j for b in self.blocks for j in b.columns],
         )
+        if sum(map(_inversions, orders)) % 2:
+            found[0] = -found[0]
+        return tuple(found)
 
     @cached_property
     def rates(self) -> tuple[DependentRate, ...]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import random
+from itertools import permutations
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.reduction.partition import triangular_blocks
+from lagcli.equations.derivation.motion import ZERO
+from lagcli.equations.reduction.partition import number, triangular_blocks
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.simulations.partition import partition
@@ -123,3 +127,20 @@ def test_random_systems(seed: int) -> None:
 def test_a_singular_structure_is_rejected() -> None:
     with pytest.raises(ValueError, match="singular"):
         triangular_blocks([{0}, {0}])
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_the_determinants_have_the_sign_of_the_dependent_columns(order: tuple[int, ...]) -> None:
+    constraints = ["one: x = 2*a", "two: y + x*a = 3*a", "three: z = 5*a*y"]
+    text = "coordinates: [a, z, x, y]\nT: (a'^2 + x'^2 + y'^2 + z'^2)/2\nconstraints:\n"
+    text += "".join(f"  {constraints[i]}\n" for i in order)
+    text += "initial: {a: 1, a': 1, x: {guess: 2}, y: {guess: 1}, z: {guess: 5}, x': {guess: 0},"
+    text += " y': {guess: 0}, z': {guess: 0}}\n"
+    found = partition(derive(load_text(text)), ["a"])
+    values = {s: float(i + 2) for i, s in enumerate(found.equations.q)}
+    rows = [
+        [number(c.row.get(j, ZERO), values) for j in found.dependent]
+        for c in found.equations.constraints
+    ]
+    product = math.prod(number(x, values) for x in found.determinants)
+    assert product == pytest.approx(np.linalg.det(np.array(rows)), rel=1e-12)

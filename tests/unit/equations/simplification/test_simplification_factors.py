@@ -87,7 +87,7 @@ def test_the_determinant_is_one_product():
 
     e = equations_of(next(p for p in MODELS if p.stem == "parallelogram"))
     text = render(e, steps=True, partition=partition(e))
-    assert "det b       = l² d sin(α₂ − β) sin α₃" in text
+    assert "det b       = −l² d sin(α₂ − β) sin α₃" in text
 
 
 def test_long_closed_forms_are_omitted():
