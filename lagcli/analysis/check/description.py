@@ -132,7 +132,7 @@ def _quantity(checked: Check, q: ConservedQuantity, text: _Text) -> dict[str, An
     return {
         "name": q.name,
         "kind": q.kind,
-        "title": title_of(q, names),
+        "title": title_of(q, eq.model),
         "in_momenta": q.in_momenta,
         "formula": text(q.expression),
         "value": checked.conserved_values[q.name],

@@ -23,7 +23,7 @@ from lagcli.equations.typesetting.nodes import (
     sum_of,
     weight,
 )
-from lagcli.model.model import coordinate
+from lagcli.model.model import Model, coordinate
 
 #: Largest number of characters of a formula that is written out.
 _LONG = 300
@@ -31,30 +31,24 @@ _LONG = 300
 _OPERATIONS = 400
 #: Largest number of constraints whose products are listed.
 _CONSTRAINTS = 12
-_JACOBI = Sign("h", "h")
 
 
-def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
-    """Return a description of a conserved quantity.
-
-    Parameters
-    ----------
-    quantity : ConservedQuantity
-    names : tuple of str
-        Names of the coordinates.
-    """
+def title_of(quantity: ConservedQuantity, model: Model) -> str:
+    """Return a description of a conserved quantity."""
+    names, signs = model.coordinate_names, Signs(model)
+    jacobi = signs.jacobi.text
     along = ", ".join(islice((names[i] for i in quantity.field), 8))
     along += ", …" if len(quantity.field) > 8 else ""
     coordinates = set(map(coordinate, names))
     constant = all(coordinates.isdisjoint(x.free_symbols) for x in quantity.field.values())
     if quantity.gauge != 0 and quantity.time != 0:
-        return "Jacobi's integral h and the work of constant forces"
+        return f"Jacobi's integral {jacobi} and the work of constant forces"
     if quantity.kind == "energy":
-        return "energy, h = T + V"
+        return f"energy, {jacobi} = {signs.kinetic.text} + {signs.potential.text}"
     if quantity.kind == "jacobi":
         if quantity.field:
             return f"Jacobi's integral, in a frame that moves with {along}"
-        return "Jacobi's integral h"
+        return f"Jacobi's integral {jacobi}"
     if quantity.name == f"p_{along}":
         return f"momentum of {along}, a cyclic coordinate"
     return f"momentum along {along}" if constant else f"momentum of a rotation of {along}"
@@ -83,7 +77,7 @@ def conserved_step(
             "It is conserved for these values of the parameters; for others, its coefficients"
             " change, or it is not conserved."
         )
-    title = title_of(quantity, f.model.coordinate_names)
+    title = title_of(quantity, f.model)
     return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)
 
 
@@ -94,11 +88,12 @@ def minus(value: float) -> str:
 
 def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
     """Return the quantity in terms of the momenta ∂L/∂q̇, and written out if that is short."""
-    lagrangian = Signs(f.model).lagrangian
+    signs = Signs(f.model)
+    lagrangian = signs.lagrangian
     sign = -1 if quantity.time != 0 else 1
     terms: list[tuple[int, Node]] = []
     if quantity.time != 0:
-        terms.append((1, _JACOBI))
+        terms.append((1, signs.jacobi))
     for i, x in quantity.field.items():
         momentum = Partial(lagrangian, Symbol(f.coordinates[i].name, 1))
         terms.append((sign, product_of([f.arrange(x), momentum])))

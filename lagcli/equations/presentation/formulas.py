@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import symengine as se
 from symengine import Basic
@@ -37,10 +39,11 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.grammar import Tree
 from lagcli.model.model import Model
 
-FORCE = Sign("Qᵢ", "Q_i")
+if TYPE_CHECKING:
+    from lagcli.equations.typesetting.notation import Notation
+
 #: Least number of characters of equal factors of several multipliers that are written once.
 _COLLECTED = 16
-_SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "𝒥"}
 
 
 class Signs:
@@ -52,14 +55,20 @@ class Signs:
     """
 
     def __init__(self, model: Model):
-        from lagcli.equations.typesetting.notation import LATEX_GREEK, letter
+        from lagcli.equations.typesetting.notation import LATEX_GREEK, SCRIPT, letter
 
-        taken = {*model.coordinate_names, *model.parameters, *model.definitions}
+        self.model = model
+        taken = {
+            *(*model.coordinate_names, *model.parameters),
+            *(*model.definitions, *model.inputs),
+        }
         letters = {letter(name) for name in taken}
         capitals = (
-            Sign(_SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVLMBJ"
+            Sign(SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVLMBJ"
         )
         self.kinetic, self.potential, self.lagrangian, *matrices = capitals
+        #: Jacobi's integral q̇·∂L/∂q̇ − L.
+        self.jacobi = Sign(SCRIPT["H"], r"\mathcal{H}") if "h" in taken else Sign("h", "h")
         #: M and B of M q̈ = f + Bᵀλ, B q̈ = γ; J of q̇ = J u + c, u the independent velocities.
         self.mass_matrix, self.constraint_matrix, self.null_space = matrices
 
@@ -99,6 +108,14 @@ class Signs:
             rf"\textstyle\sum_{{{greek}}} {self.multiplier.latex} {self.coefficient.latex}",
         )
 
+    @property
+    def force(self) -> Sign:
+        """The generalized force on the i-th coordinate."""
+        from lagcli.equations.typesetting.notation import Notation
+
+        text, latex = Notation(self.model).force
+        return Sign(f"{text}ᵢ", f"{latex}_i")
+
 
 def force(coordinate: Symbol) -> Symbol:
     """Return the symbol of the generalized force on a coordinate."""
@@ -120,8 +137,8 @@ def law(model: Model) -> tuple[Sum, Node]:
     rate = Rate(Partial(signs.lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))
     left = Sum(((1, rate), (-1, Partial(signs.lagrangian, Sign("qᵢ", "q_i")))))
     if not model.constraints:
-        return left, FORCE
-    return left, Sum(((1, FORCE), (1, signs.reaction)))
+        return left, signs.force
+    return left, Sum(((1, signs.force), (1, signs.reaction)))
 
 
 def coefficients(equations: Equations) -> dict[str, list[tuple[Node, ...]]]:
@@ -195,6 +212,13 @@ class Formulas:
             values = self.model.parameter_values
             self.values = {name: Fraction(repr(value)) for name, value in values.items()}
         self.arrange = Arranger(self.model, self.values, named).arrange
+
+    @cached_property
+    def notation(self) -> Notation:
+        """How names are written."""
+        from lagcli.equations.typesetting.notation import Notation
+
+        return Notation(self.model)
 
     @property
     def coordinates(self) -> tuple[Symbol, ...]:

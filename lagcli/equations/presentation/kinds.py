@@ -255,7 +255,8 @@ def _root(f: Formulas, second: SecondKind, i: int) -> Node:
     free = [f.coordinates[j] for j in second.partition.independent]
     if any(c.rheonomic for c in f.equations.constraints):
         free.append(Symbol("t"))
-    name = f"R_{f.model.coordinate_names[i]}"
+    letter, _ = f.notation.before_names(("R", "R"), ("F", "F"), ("G", "G"), ("W", "W"))
+    name = f"{letter}_{f.model.coordinate_names[i]}"
     return Call(name, tuple(free)) if free else Symbol(name)
 
 
@@ -466,11 +467,10 @@ def _ratio_steps(f: Formulas, r: VelocityRatios) -> list[Step]:
 
 def _ratio_signs(f: Formulas) -> tuple[Sign, Sign]:
     """Return letters of velocity ratios and of the inertia that the model does not use."""
-    taken = {*f.model.coordinate_names, *f.model.parameters, *f.model.definitions}
-    letters = {letter(name) for name in taken}
-    ratios = ("k", "κ", "ρ")
+    letters = {letter(name) for name in f.notation.declared}
+    ratios = ("k", "κ", "ρ", "n", "w")
     ratio = next((x for x in ratios if x not in letters), ratios[0])
-    inertias = "JIA"
+    inertias = "JIAKHU"
     inertia = next((x for x in inertias if x not in letters), inertias[0])
     return Sign(ratio, LATEX_GREEK.get(ratio, ratio)), Sign(inertia, inertia)
 
@@ -613,7 +613,7 @@ def _maggi_law(f: Formulas) -> Node:
         [
             (1, Rate(Partial(lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))),
             (-1, Partial(lagrangian, Sign("qᵢ", "q_i"))),
-            (-1, general.FORCE),
+            (-1, signs.force),
         ]
     )
     factor = Sign(f"Σᵢ {rows.text}_ik", rf"\textstyle\sum_i {rows.latex}_{{ik}}")
@@ -651,13 +651,17 @@ def _over_determinants(
 ) -> list[Line]:
     """Return fractions as products with 1/Δ, which can be broken, and the definitions of Δ."""
     below: dict[Node, Sign] = {}
+    letters = {letter(name) for name in f.notation.declared}
+    name = next((x for x in "ΔDNUW" if x not in letters), "Δ")
     lines = []
     for s in unknowns:
         sign, divisor = forward(f.arrange(s.denominator))
         inverse = quotient_of(whole(1), divisor)
         if weight(divisor) > _SHORT_DIVISOR and divisor not in below:
             n = len(below) + 1
-            below[divisor] = Sign(f"Δ{n}".translate(_SUBSCRIPTS), rf"\Delta_{{{n}}}")
+            below[divisor] = Sign(
+                f"{name}{n}".translate(_SUBSCRIPTS), f"{LATEX_GREEK.get(name, name)}_{{{n}}}"
+            )
         if divisor in below:
             inverse = quotient_of(whole(1), below[divisor])
         value = product_of([inverse, f.arrange(s.numerator)])

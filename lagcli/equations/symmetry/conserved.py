@@ -26,6 +26,7 @@ from lagcli.equations.symmetry.linear import (
     term_count,
 )
 from lagcli.model.expression.algebra import is_zero
+from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
 
 Kind = Literal["energy", "jacobi", "momentum"]
@@ -159,7 +160,8 @@ def quantity_of(
     """Return the quantity of a symmetry; the arguments are those of `ConservedQuantity`."""
     eq, sign = equations, -ONE if time != ZERO else ONE
     names = eq.model.coordinate_names
-    p_names = [se.Symbol(f"p_{name}") for name in names]
+    momentum_letter, jacobi = _free_names(eq.model)
+    p_names = [se.Symbol(f"{momentum_letter}_{name}") for name in names]
     momentum = se.Add(*[eq.momenta[i] * x for i, x in field.items()])
     short = se.Add(*[p_names[i] * x for i, x in field.items()])
     kind: Kind = "momentum"
@@ -179,8 +181,16 @@ def quantity_of(
         gauge=gauge,
         multiples=multiples,
         expression=sign * (momentum - time * eq.energy - gauge),
-        momentum_form=se.expand(sign * (short - time * se.Symbol("h") - gauge)),
+        momentum_form=se.expand(sign * (short - time * se.Symbol(jacobi) - gauge)),
     )
+
+
+def _free_names(model: Model) -> tuple[str, str]:
+    """Return the letter of momenta and the name of Jacobi's integral, which the model lacks."""
+    taken = {*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs}
+    letters = ("p", "P", "momentum")
+    free = (x for x in letters if taken.isdisjoint(f"{x}_{q}" for q in model.coordinate_names))
+    return next(free, letters[0]), next((x for x in ("h", "H") if x not in taken), "jacobi")
 
 
 def _size(equations: Equations, symmetry: Symmetry) -> Fraction:

@@ -10,7 +10,13 @@ from itertools import groupby
 
 from lagcli.equations.typesetting import nodes as t
 from lagcli.equations.typesetting.nodes import Line, Logical, Node, Relation, Sign, Step, Symbol
-from lagcli.equations.typesetting.notation import LATEX_GREEK, latex_ascii, latex_word, letter
+from lagcli.equations.typesetting.notation import (
+    LATEX_GREEK,
+    SCRIPT,
+    latex_ascii,
+    latex_word,
+    letter,
+)
 from lagcli.equations.typesetting.writer import (
     PREFIX,
     Break,
@@ -42,7 +48,10 @@ class LatexFormula(DisplayWriter):
         return flat(self.tokens(node))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
-        return [rf"\delta {self._symbol(node.of)}"]
+        name = self._symbol(node.of)
+        if self.names.displacement_is_name(node.of.name):
+            return [rf"\delta({name})"]
+        return [rf"\delta {name}"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
         top, bottom = self.latex(node.of), self.latex(node.by)
@@ -96,7 +105,7 @@ class LatexFormula(DisplayWriter):
             case "multiplier":
                 return self.names.latex_multiplier(node.name)
             case "force":
-                return f"Q_{{{self.names.latex(node.name)}}}"
+                return f"{self.names.force[1]}_{{{self.names.latex(node.name)}}}"
             case "constant":
                 return r"\pi"
             case "constraint":
@@ -155,7 +164,12 @@ class LatexFormula(DisplayWriter):
         return [r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"]
 
     def _write_component(self, node: t.Component, depth: int) -> list[Token]:
-        return [f"{{{''.join(map(_text, self._tight(node.of, depth)))}}}_{{{node.subscript}}}"]
+        of = "".join(map(_text, self._tight(node.of, depth)))
+        if isinstance(node.of, Symbol) and self.names.component_is_name(
+            node.of.name, node.subscript
+        ):
+            of = f"({of})"
+        return [f"{{{of}}}_{{{node.subscript}}}"]
 
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
         cases, rest = cases_of(node)
@@ -267,8 +281,7 @@ _ESCAPES = {
 }
 
 
-_ESCAPES.update({"ℳ": r"$\mathcal{M}$", "ℬ": r"$\mathcal{B}$", "𝒥": r"$\mathcal{J}$"})
-_ESCAPES.update({"𝒯": r"$\mathcal{T}$", "𝒱": r"$\mathcal{V}$", "ℒ": r"$\mathcal{L}$"})
+_ESCAPES.update({sign: rf"$\mathcal{{{x}}}$" for x, sign in SCRIPT.items()})
 _DOTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}
 
 

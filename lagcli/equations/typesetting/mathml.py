@@ -55,7 +55,10 @@ class MathmlFormula(DisplayWriter):
         return _row(_joined(self.tokens(node)))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
-        return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
+        name = self._symbol(node.of)
+        if self.names.displacement_is_name(node.of.name):
+            name = _joined(self._fenced([name]))
+        return [f"<mrow><mi>δ</mi>{name}</mrow>"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
         top, bottom = (f"<mrow><mo>∂</mo>{self.mathml(x)}</mrow>" for x in (node.of, node.by))
@@ -127,7 +130,8 @@ class MathmlFormula(DisplayWriter):
                 return "<mi>λ</mi>", self.names.mathml_multiplier(node.name)
             case "force":
                 base, below = self.names.mathml(node.name)
-                return "<mi>Q</mi>", f"<msub>{base}{below}</msub>" if below else base
+                letter = f"<mi>{self.names.force[0]}</mi>"
+                return letter, f"<msub>{base}{below}</msub>" if below else base
             case "constant":
                 return "<mi>π</mi>", ""
             case "constraint":
@@ -195,7 +199,12 @@ class MathmlFormula(DisplayWriter):
         parts = [
             f"<mn>{x}</mn>" if x.isdigit() else f"<mi>{x}</mi>" for x in node.subscript.split(",")
         ]
-        base = _row(_joined(self._tight(node.of, depth)))
+        of = self._tight(node.of, depth)
+        if isinstance(node.of, t.Symbol) and self.names.component_is_name(
+            node.of.name, node.subscript
+        ):
+            of = self._fenced(of)
+        base = _row(_joined(of))
         return [f"<msub>{base}{_row(operator(',').join(parts))}</msub>"]
 
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:

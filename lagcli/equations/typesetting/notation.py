@@ -7,6 +7,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Self
 
@@ -61,7 +62,10 @@ _SIGNS = {
     **{r"\prime": "′", r"\ast": "∗", r"\star": "⋆", r"\perp": "⊥", r"\parallel": "∥"},
     **{r"\sum": "∑", r"\cdot": "⋅", r"\times": "×", r"\circ": "∘", r"\cdots": "⋯", r"\dagger": "†"},
 }
-_SCRIPT = {"L": "ℒ", "T": "𝒯", "V": "𝒱"}
+SCRIPT = {
+    **{"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "𝒥"},
+    **{"Q": "𝒬", "H": "ℋ"},
+}
 _SPACES = {r"\,": "0.17em", r"\ ": "0.33em", r"\;": "0.28em", r"\:": "0.22em", r"\quad": "1em"}
 _STYLES = (r"\textstyle", r"\displaystyle")
 _PLAIN = {"-": "−", "'": "′", "*": "∗"}
@@ -100,7 +104,7 @@ def _part_mathml(part: Part) -> str:
         case Word():
             word = part.text
             if part.font == r"\mathcal":
-                word = "".join(_SCRIPT.get(c, c) for c in word)
+                word = "".join(SCRIPT.get(c, c) for c in word)
             if part.font == r"\mathbf":
                 word = "".join(_shifted(c, _BOLD) for c in word)
             return f'<mi mathvariant="normal">{escape(word)}</mi>'
@@ -236,8 +240,45 @@ class Notation:
         """Return a name with dots: x_A' as ẋ_A."""
         letter, subscript = self._text.get(name) or _text(name)
         if len(letter) == 1 and letter.isalpha():
-            return unicodedata.normalize("NFC", letter + _DOTS[dots]) + subscript
+            dotted_name = unicodedata.normalize("NFC", letter + _DOTS[dots]) + subscript
+            if not dots or dotted_name not in self.texts:  # ä is a letter, and a with two dots
+                return dotted_name
         return letter + subscript + "'" * dots
+
+    @cached_property
+    def texts(self) -> frozenset[str]:
+        """All declared names as they are written in text."""
+        return frozenset(map(self.text, self.declared))
+
+    @cached_property
+    def _latexes(self) -> frozenset[str]:
+        """All declared names as they are written in LaTeX."""
+        return frozenset(map(self.latex, self.declared))
+
+    def component_is_name(self, name: str, part: str) -> bool:
+        """Whether the component of a vector looks like a declared name: r.x like r_x."""
+        return f"{self.latex(name)}_{{{part}}}" in self._latexes
+
+    def displacement_is_name(self, name: str) -> bool:
+        """Whether the virtual displacement of a coordinate looks like a declared name."""
+        return f"δ{self.text(name)}" in self.texts
+
+    @cached_property
+    def force(self) -> tuple[str, str]:
+        """The letter of generalized forces, in text and in LaTeX: Q, unless Q_x is declared."""
+        return self.before_names(("Q", "Q"), (SCRIPT["Q"], r"\mathcal{Q}"))
+
+    def before_names(self, *letters: tuple[str, str]) -> tuple[str, str]:
+        """Return the first of some letters that no other name as its subscript makes a name."""
+        for text, latex in letters:
+            if any(x.startswith(text) for x in self.texts) and any(
+                f"{text}_{self.text(x)}" in self.texts
+                or f"{latex}_{{{self.latex(x)}}}" in self._latexes
+                for x in self.declared
+            ):
+                continue
+            return text, latex
+        return letters[-1]
 
     def latex(self, name: str, dots: int = 0) -> str:
         """Return a name with dots in LaTeX."""
@@ -416,13 +457,15 @@ def latex_word(name: str) -> str:
 def latex_ascii(text: str) -> str:
     """Return a word for use inside \\mathrm; characters that TeX lacks become their code."""
     parts = []
-    for char in unicodedata.normalize("NFD", text):
+    for char in unicodedata.normalize("NFC", text):
         if char.isascii() and char.isalnum():
             parts.append(char)
         elif char == "_":
             parts.append(r"\_")
         elif char in LATEX_GREEK:
-            parts.append(LATEX_GREEK[char])
+            parts.append(f"{{{LATEX_GREEK[char]}}}" if len(text) > 1 else LATEX_GREEK[char])
+        elif "À" <= char <= "ſ":
+            parts.append(rf"\text{{{char}}}")
         elif not unicodedata.combining(char):
             parts.append(f"u{ord(char):04X}")
     return "".join(parts)

@@ -45,7 +45,8 @@ class TextFormula(FormulaWriter):
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         name = self._symbol(node.of)
-        return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
+        bracketed = name.startswith("δ") or self.names.displacement_is_name(node.of.name)
+        return [f"δ({name})" if bracketed else f"δ{name}"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
         return [f"∂{self.text(node.of)}/∂{self.text(node.by)}"]
@@ -84,6 +85,8 @@ class TextFormula(FormulaWriter):
 
     def _write_component(self, node: t.Component, depth: int) -> list[Token]:
         part = f"_{node.subscript}" if node.subscript.isalpha() else f"[{node.subscript}]"
+        if isinstance(node.of, Symbol) and self.names.text(node.of.name) + part in self.names.texts:
+            return ["(", *self._tight(node.of, depth), ")", part]
         return [*self._tight(node.of, depth), part]
 
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
@@ -114,7 +117,7 @@ class TextFormula(FormulaWriter):
         if node.kind == "multiplier":
             return self.names.multiplier(node.name)
         if node.kind == "force":
-            return f"Q_{self.names.text(node.name)}"
+            return f"{self.names.force[0]}_{self.names.text(node.name)}"
         return "π" if node.kind == "constant" else self.names.text(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:

@@ -11,7 +11,6 @@ from random_cases import FUZZ_COUNT
 import lagcli
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import (
-    FORCE,
     Formulas,
     Signs,
     coefficients,
@@ -76,12 +75,12 @@ def test_the_law_has_forces_of_the_constraints_that_there_are(
     assert list(coefficients(derive(made))) == kinds
     _, right = law(made)
     assert isinstance(right, Sum)
-    assert [term for _, term in right.terms] == [FORCE, Signs(made).reaction]
+    assert [term for _, term in right.terms] == [Signs(made).force, Signs(made).reaction]
 
 
 def test_without_constraints_the_law_has_no_reactions() -> None:
     free = lagcli.load_text("coordinates: [x]\nT: x'^2\ninitial: {x: 0, x': 0}\n")
-    assert law(free)[1] is FORCE
+    assert law(free)[1] == Signs(free).force
     assert coefficients(derive(free)) == {}
 
 
