@@ -679,6 +679,9 @@ class Arranger:
     def _structured_factor(self, e: Basic) -> Term:
         base, exponent = e.args if isinstance(e, se.Pow) else (e, se.Integer(1))
         expansion = self._whole
+        known = expansion.exponent(exponent)
+        if known is not exponent:
+            return self._structured_term(base**known)
         if isinstance(base, se.Add) and isinstance(exponent, se.Integer):
             n = int(exponent)
             sign, node = forward(self.arrange(base))
@@ -692,11 +695,13 @@ class Arranger:
         try:
             terms = expansion.polynomial(e)
         except TooLarge:
-            terms = {}
-        if len(terms) == 1:
+            terms = None
+        if terms == {}:
+            return Term(Fraction(0), ())
+        if terms is not None and len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
-        # expressions that expand to a sum or to zero without being a sum or a product
+        # expressions that expand to a sum without being a sum or a product
         return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (position.LAST,)),))
 
     def _structured_sum(self, e: Basic) -> Node:

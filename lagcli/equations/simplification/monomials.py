@@ -245,6 +245,11 @@ class MonomialExpansion:
             return Fraction(0)
         return Fraction(terms[UNIT]) if set(terms) == {UNIT} else None
 
+    def exponent(self, e: Basic) -> Basic:
+        """Return an exponent, or its value if the parameters in it have values."""
+        number = None if isinstance(e, se.Number) else self._number(e)
+        return e if number is None else se.Rational(*number.as_integer_ratio())
+
     def _sum(self, e: Basic) -> Polynomial:
         if self._of_parameters(e):
             sign, whole = self.oriented(e)
@@ -284,9 +289,7 @@ class MonomialExpansion:
         return 1, e
 
     def _power(self, base: Basic, exponent: Basic) -> Polynomial:
-        number = self._number(exponent) if self.values else None
-        if number is not None and not isinstance(exponent, se.Number):
-            exponent = se.Rational(*number.as_integer_ratio())
+        exponent = self.exponent(exponent)
         if base == se.E:
             value = self._number(exponent)
             if value is not None:

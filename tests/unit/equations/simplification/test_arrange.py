@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 import time
@@ -375,3 +376,29 @@ def test_differences_from_parameters_are_kept_as_those_of_coordinates() -> None:
     # but not where y is alone too
     assert text(equations, (y - se.Symbol("R")) * w - y * w) == "−R ẏ"
     assert_equal_values(equations)
+
+
+@pytest.mark.parametrize(
+    ("potential", "force"),
+    [
+        ("(1.2 + x)^b", lambda x: 2 * (1.2 + x)),
+        ("(x*(1 + x))^b", lambda x: 2 * x * (1 + x) * (1 + 2 * x)),
+        ("(1 + x)^c", lambda x: 0.5 / math.sqrt(1 + x)),
+        ("(x*(1 + x))^(b*d) + x", lambda x: 1),
+        ("a*(1 + x)^(b - 3)", lambda x: 2 / (1 + x) ** 2),
+        ("(a*x)^b*(1 + x)^d", lambda x: 8 * x),
+        ("(1 + x)^b*(2 + x)^(b + 1)", lambda x: (1 + x) * (2 + x) ** 2 * (7 + 5 * x)),
+        ("d^b*x + x", lambda x: 1),
+    ],
+)
+def test_exponents_that_are_parameters_have_values(potential: str, force) -> None:
+    equations = derive(
+        load_text(
+            f"coordinates: [x]\nparameters: {{a: -2, b: 2, c: 0.5, d: 0}}\nT: x'^2/2\n"
+            f"V: {potential}\ninitial: {{x: 1, x': 0}}\n"
+        )
+    )
+    formulas = Formulas(equations, numeric=True)
+    node = formulas.arrange(equations.gradient[0])
+    for x in (0.3, 0.7, 1.9):
+        assert value(node, {"x": x}) == pytest.approx(-force(x), rel=1e-12)
