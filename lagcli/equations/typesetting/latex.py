@@ -48,10 +48,9 @@ class LatexFormula(DisplayWriter):
         return flat(self.tokens(node))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
-        name = self._symbol(node.of)
-        if self.names.displacement_is_name(node.of.name):
-            return [rf"\delta({name})"]
-        return [rf"\delta {name}"]
+        bold = self.names.displacement_is_product(node.of.name)
+        sign = r"\boldsymbol{\delta}" if bold else r"\delta"
+        return [f"{sign} {self._symbol(node.of)}"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
         top, bottom = self.latex(node.of), self.latex(node.by)
@@ -92,7 +91,8 @@ class LatexFormula(DisplayWriter):
 
     def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
         sign = _RELATIONS.get(node.operator, node.operator)
-        return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
+        left = "".join(map(_text, self._before(node.left, 0)))
+        return [f"{left} {sign} {self.latex(node.right)}"]
 
     def _scientific(self, mantissa: str, power: int) -> str:
         return rf"{mantissa}\cdot 10^{{{power}}}"

@@ -55,10 +55,9 @@ class MathmlFormula(DisplayWriter):
         return _row(_joined(self.tokens(node)))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
-        name = self._symbol(node.of)
-        if self.names.displacement_is_name(node.of.name):
-            name = _joined(self._fenced([name]))
-        return [f"<mrow><mi>δ</mi>{name}</mrow>"]
+        bold = self.names.displacement_is_product(node.of.name)
+        sign = symbol_mathml(r"\boldsymbol{\delta}") if bold else "<mi>δ</mi>"
+        return [f"<mrow>{sign}{self._symbol(node.of)}</mrow>"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
         top, bottom = (f"<mrow><mo>∂</mo>{self.mathml(x)}</mrow>" for x in (node.of, node.by))
@@ -93,7 +92,8 @@ class MathmlFormula(DisplayWriter):
 
     def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
         sign = operator(_RELATIONS.get(node.operator, node.operator))
-        return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
+        left = _row(_joined(self._before(node.left, 0)))
+        return [f"{left}{sign}{self.mathml(node.right)}"]
 
     def _negated(self, number: str) -> str:
         return f"<mrow>{self.negative}{number}</mrow>"

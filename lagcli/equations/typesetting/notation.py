@@ -263,6 +263,10 @@ class Notation:
         """Whether the virtual displacement of a coordinate looks like a declared name."""
         return f"δ{self.text(name)}" in self.texts
 
+    def displacement_is_product(self, name: str) -> bool:
+        """Whether δq of a coordinate, set without a space, looks like a name or a product δ q."""
+        return "δ" in self.texts or self.displacement_is_name(name)
+
     @cached_property
     def force(self) -> tuple[str, str]:
         """The letter of generalized forces, in text and in LaTeX: Q, unless Q_x is declared."""

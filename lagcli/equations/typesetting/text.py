@@ -13,6 +13,7 @@ from lagcli.equations.typesetting.writer import (
     Break,
     FormulaWriter,
     Token,
+    closed,
     factor_depth,
     flat,
     lines,
@@ -66,7 +67,7 @@ class TextFormula(FormulaWriter):
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         below = node.denominator
-        top = self._tight(_closed(node.numerator), depth + 1, product=True)
+        top = self._tight(closed(node.numerator), depth + 1, product=True)
         if isinstance(below, t.Power) and not isinstance(below.base, t.Call | t.Number):
             bottom = self.tokens(below, depth + 1)
         else:
@@ -207,19 +208,6 @@ def _level(text: str) -> int:
             return 0
         depth += (char in "([{") - (char in ")]}")
     return 0 if "(" not in text else 1 if "[" not in text else 2
-
-
-def _closed(node: Node) -> Node:
-    """Return a numerator whose last function has parentheses: sin(φ)/l, not sin φ/l."""
-    match node:
-        case t.Product():
-            *before, last = node.factors
-            return t.Product((*before, _closed(last)))
-        case t.Power():
-            return t.Power(_closed(node.base), node.exponent)
-        case t.Call(arguments=(t.Symbol() as argument,)) if node.function in PREFIX:
-            return t.Call(node.function, (t.Sum(((1, argument),)),))
-    return node
 
 
 def grammar_text(node: Node) -> str:

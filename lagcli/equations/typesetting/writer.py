@@ -272,6 +272,24 @@ def is_named(node: Node) -> bool:
     return isinstance(node, t.Call) and spelling_of(node.function).fences is None
 
 
+def closed(node: Node) -> Node:
+    """Return a formula whose last function has parentheses: sin(φ), not sin φ."""
+    match node:
+        case t.Product():
+            *before, last = node.factors
+            return t.Product((*before, closed(last)))
+        case t.Power():
+            return t.Power(closed(node.base), node.exponent)
+        case t.Call(arguments=(t.Symbol() as argument,)) if node.function in PREFIX:
+            return t.Call(node.function, (t.Sum(((1, argument),)),))
+    return node
+
+
+def _begins_with_name(factor: Node) -> bool:
+    base = factor.base if isinstance(factor, t.Power) else factor
+    return isinstance(base, t.Symbol | t.Component)
+
+
 class FormulaWriter:
     """Writer for the formulas of a model.
 
@@ -340,6 +358,8 @@ class FormulaWriter:
     def _factor(self, node: t.Product, i: int, depth: int) -> list[Token]:
         """Return a factor; a trailing Σ needs no brackets."""
         factor = node.factors[i]
+        if i < len(node.factors) - 1 and _begins_with_name(node.factors[i + 1]):
+            factor = closed(factor)  # sin(φ) r, not sin φ r
         if isinstance(factor, t.IndexedSum) and i == len(node.factors) - 1:
             return self.tokens(factor, depth)
         return self._tight(factor, depth, product=True)
@@ -370,8 +390,13 @@ class FormulaWriter:
                 parts += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
             elif sign < 0:
                 parts.append(self.negative)
-            parts.append(self.tokens(term, depth + 1))
+            last = i == len(node.terms) - 1
+            parts.append(self.tokens(term, depth + 1) if last else self._before(term, depth + 1))
         return parts
+
+    def _before(self, node: Node, depth: int) -> list[Token]:
+        """Return a formula that a sign or a relation follows."""
+        return self.tokens(node, depth)
 
     def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
         """Return the tokens of a list, with a possible break after each comma."""
@@ -392,6 +417,22 @@ class DisplayWriter(FormulaWriter):
     def _fenced(self, inner: list[Token]) -> list[Token]:
         """Return tokens in brackets of matching size."""
         raise NotImplementedError
+
+    def _before(self, node: Node, depth: int) -> list[Token]:
+        """Return a formula that a sign or a relation follows; cases at its end are in brackets."""
+        if isinstance(node, t.Cases):
+            return self._fenced(self.tokens(node, depth + 1))
+        if isinstance(node, t.Product) and isinstance(node.factors[-1], t.Cases):
+            *factors, last = node.factors
+            node = t.Product((*factors, t.Sum(((1, last),))))
+        return self.tokens(node, depth)
+
+    def _factor(self, node: t.Product, i: int, depth: int) -> list[Token]:
+        """Return a factor; cases that other factors follow are in brackets."""
+        factor = node.factors[i]
+        if isinstance(factor, t.Cases) and i < len(node.factors) - 1:
+            return self._fenced(self.tokens(factor, depth + 1))
+        return super()._factor(node, i, depth)
 
     def _arguments(self, node: t.Call, depth: int) -> list[Token]:
         first = node.arguments[0]

@@ -47,6 +47,10 @@ CASES = {
     "numbered component": ("x y", "r_1", t.Component(t.Symbol("r"), "1"), "r_1", "r[1]"),
     "force": ("x Q_x", "m", t.Symbol("x", kind="force"), "Q_x", "𝒬_x"),
     "force by a Greek letter": ("phi y", "Q_phi", t.Symbol("phi", kind="force"), "Q_phi", "𝒬_φ"),
+    "displacement beside a product": (
+        *("x delta", "m", t.VirtualDisplacement(t.Symbol("x"))),
+        *(t.Product((t.Symbol("delta"), t.Symbol("x"))), "δx"),
+    ),
     "displacement": ("x y", "δx", t.VirtualDisplacement(t.Symbol("x")), "δx", "δ(x)"),
 }
 
@@ -54,13 +58,15 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("writer", WRITERS)
 def test_a_sign_does_not_look_like_a_name(case: str, writer: str) -> None:
-    coordinates, parameters, sign, name, text = CASES[case]
+    coordinates, parameters, sign, other, text = CASES[case]
+    other = t.Symbol(other) if isinstance(other, str) else other
     rest = "definitions: {r: [x, 2, 3]}\n" if isinstance(sign, t.Component) else ""
     names = Notation(model(coordinates, parameters, rest))
     write = WRITERS[writer](names)
-    assert seen(write(sign)) != seen(write(t.Symbol(name)))
     if writer == "text":
-        assert write(sign) == text
+        assert write(sign) == text != write(other)
+    else:
+        assert seen(write(sign)) != seen(write(other))
     plain = Notation(model("phi x y", "m", rest))
     assert "(" not in WRITERS[writer](plain)(sign)  # no brackets without need
     assert "𝒬" not in WRITERS[writer](plain)(sign)

@@ -29,6 +29,7 @@ from lagcli.equations.typesetting.latex import (
     render_latex,
 )
 from lagcli.equations.typesetting.markdown import render_markdown
+from lagcli.equations.typesetting.mathml import MathmlFormula
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.writer import Break, written_decimals
 from lagcli.model.loader import load_text
@@ -174,13 +175,38 @@ def test_every_sign_is_escaped(char):
         (t.Power(t.Call("sin", (t.Symbol("phi"),)), t.whole(2)), r"\sin^{2} \varphi"),
         (t.Power(t.Quotient(t.ONE, t.Symbol("x")), t.whole(2)), r"\biggl(\frac{1}{x}\biggr)^{2}"),
         (t.Vector((t.Symbol("x"), t.ZERO)), r"\begin{pmatrix} x \\ 0 \end{pmatrix}"),
-        (t.VirtualDisplacement(t.Symbol("delta")), r"\delta \delta"),
+        (t.VirtualDisplacement(t.Symbol("delta")), r"\boldsymbol{\delta} \delta"),
     ],
 )
 def test_nodes(node, shown):
     formula = LatexFormula(Notation(model_of("x y phi delta", "m/2*x'^2").model))
     assert formula.latex(node) == shown
     check(shown)
+
+
+CASES = t.Cases(t.Relation(t.Symbol("x"), "<", t.ONE), t.Symbol("y"), t.ZERO)
+#: The last column of cases has no bracket of its own: what follows would belong to it.
+_CASES = r"\begin{cases} y & \text{if } x < 1 \\ 0 & \text{else} \end{cases}"
+_FENCED = rf"\biggl({_CASES}\biggr)"
+
+
+@pytest.mark.parametrize(
+    ("node", "shown"),
+    [
+        (t.Product((CASES, t.Symbol("x"))), rf"{_FENCED} \, x"),
+        (t.Product((t.Symbol("x"), CASES)), rf"x {_CASES}"),
+        (t.Sum(((1, CASES), (-1, t.Symbol("x")))), f"{_FENCED} - x"),
+        (t.Sum(((1, t.Product((t.Symbol("x"), CASES))), (1, CASES))), rf"x {_FENCED} + {_CASES}"),
+        (t.Sum(((1, t.Symbol("x")), (1, CASES))), f"x + {_CASES}"),
+        (t.Relation(CASES, "<", t.Symbol("x")), f"{_FENCED} < x"),
+    ],
+)
+def test_cases_that_something_follows_are_in_brackets(node, shown):
+    names = Notation(model_of("x y", "m/2*x'^2").model)
+    assert LatexFormula(names).latex(node).replace(r" \, \biggl", r" \biggl") == shown
+    mathml = MathmlFormula(names).mathml(node)
+    assert mathml.count("</mtable>") == shown.count("cases}") / 2
+    assert mathml.count(">)</mo>") == shown.count(r"\biggr")
 
 
 def test_measured_widths_are_near_those_of_tex():

@@ -11,6 +11,7 @@ from formula_values import MODELS, equations_of, model_of, pages_of, steps_of
 from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.written import scope_of, written
 from lagcli.equations.render import render
 from lagcli.equations.simplification.arrange import Arranger
 from lagcli.equations.typesetting import nodes as t
@@ -18,7 +19,9 @@ from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula, render_text
 from lagcli.equations.typesetting.writer import Break, lines, written_decimals
 from lagcli.errors import UsageError, display_width
+from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text
+from lagcli.model.names.expansion import expand
 
 
 @pytest.mark.parametrize(
@@ -395,3 +398,23 @@ def test_no_line_ends_in_the_number_of_a_bracket():
     for width in (80, 100, 120):
         text = render(equations_of(path), steps=True, width=width)
         assert not re.search(r"(?:^ *|[+−] )[½⅓¼\d]+$", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("expression", "shown"),
+    [
+        ("sin(x)*m", "sin(x) m"),
+        ("sin(x)^2*m^2*l", "sin²(x) m² l"),
+        ("sin(x)*cos(x)*m", "sin x cos(x) m"),
+        ("sin(x)*cos(x)", "sin x cos x"),
+        ("m*sin(x)*(m + l)", "m sin x (m + l)"),
+        ("sin(x)*r.x", "sin(x) r_x"),
+    ],
+)
+def test_functions_before_a_name_have_parentheses(expression, shown):
+    model = load_text(
+        "coordinates: [x]\nparameters: {m: 1, l: 1}\ndefinitions: {r: [x, 1]}\n"
+        f"T: x'^2/2\noutputs: {{o: {expression}}}\ninitial: {{x: 0, x': 0}}\n"
+    )
+    tree = expand(parse(expression), scope_of(model).names)
+    assert TextFormula(Notation(model)).text(written(tree, model)) == shown
