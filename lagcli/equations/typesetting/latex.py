@@ -384,7 +384,8 @@ class _Labels:
         if not isinstance(label, str):
             return ""
         words = [step.title.split(":")[0].rpartition(" of the ")[0] or step.title.split(":")[0]]
-        label = latex_ascii(label.replace(".", "_"))
+        letters = unicodedata.normalize("NFD", label.replace(".", "_"))
+        label = latex_ascii("".join(c for c in letters if not unicodedata.combining(c)))
         name = "-".join(re.findall(r"[A-Za-z0-9]+", f"{words[0].lower()} {label}"))
         unique, number = name, 1
         while unique in self._used:

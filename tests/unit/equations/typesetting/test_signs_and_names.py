@@ -86,6 +86,12 @@ def test_words_with_greek_letters_are_latex() -> None:
     assert names.latex("αβ2") == r"\mathit{{\alpha}{\beta}2}"
 
 
+def test_labels_of_equations_have_no_accents() -> None:
+    document = lagcli.render(lagcli.derive(model("höhe y")), "latex")
+    assert r"\label{eq:equations-of-motion-hohe}" in document
+    assert r"\mathit{h\text{ö}he}" in document
+
+
 SOLVED = """\
 coordinates: [Delta1, y]
 parameters: {a: 2, b: 3}
