@@ -41,9 +41,9 @@ MACROS = set(  # as a text, for a list of quoted words is harder to read
     allowdisplaybreaks section subsection noindent textit item notag label colon S
     frac tfrac sqrt dot ddot partial delta lambda pi sum textstyle left right bigl bigr biggl
     biggr lvert rvert lVert rVert lfloor rfloor lceil rceil mathit mathrm mathcal mathsf text
-    boldsymbol operatorname sin cos tan sinh cosh tanh arcsin arccos arctan log min max exp le ge ne cdot
+    operatorname sin cos tan sinh cosh tanh arcsin arccos arctan log min max exp le ge ne cdot
     times quad qquad _ $ & % # { } , \ textbackslash textasciicircum textasciitilde textless
-    textgreater textbar textquotedbl circ to surd infty dots perp
+    textgreater textbar textquotedbl circ to surd infty dots perp boldsymbol
     alpha beta gamma varepsilon zeta eta theta iota kappa mu nu xi rho sigma tau upsilon varphi
     chi psi omega vartheta Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega
     """.split()  # noqa: SIM905
