@@ -186,6 +186,22 @@ def test_a_value_on_its_bound_is_the_bound(tmp_path: Path) -> None:
         assert any("c lies on its bound `min` 0;" in x for x in found.warnings)
 
 
+def test_a_small_value_that_the_data_tell_from_its_bound_is_not_the_bound(tmp_path: Path) -> None:
+    # x = a t²/2 with a = 5e-7, far below the 1 where the search begins
+    times = np.linspace(0.5, 3.0, 6)
+    rows = "".join(f"{t},{float(5e-7 * t**2 / 2)!r}\n" for t in times)
+    (tmp_path / "run.csv").write_text("t,x\n" + rows)
+    (tmp_path / "model.yaml").write_text(
+        "coordinates: [x]\nparameters: {a: 1}\nT: x'^2/2\nQ: {x: a}\ninitial: {x: 0, x': 0}\n"
+        "fit:\n  data: {file: run.csv}\n  observe: {x: {sigma: 1e-10}}\n"
+        "  parameters: {a: {min: 0}}\n"
+    )
+    found = lagcli.fit(lagcli.load(tmp_path / "model.yaml"))
+    assert found.active == ("",)
+    assert found.values[0] == pytest.approx(5e-7, rel=1e-3)
+    assert found.chi_square < 10
+
+
 def test_profile_intervals_are_walds_where_the_model_is_almost_linear(tmp_path: Path) -> None:
     measured(tmp_path)
     wald = lagcli.fit(model(tmp_path, BOTH))

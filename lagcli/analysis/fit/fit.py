@@ -37,8 +37,9 @@ from lagcli.simulations.threads import one_thread
 _STEPS = (100, 20_000)
 #: Number of times of the fitted curve, if the data have fewer.
 _DRAWN = 501
-#: Distance from a bound, relative to its size, below which a value counts as lying on it.
-_ON_BOUND = 1e-6
+#: Distance from a bound, relative to its size, below which a value may lie on it, and the largest
+#: rise of chi-square from there to the bound: a hundredth of a standard error.
+_ON_BOUND, _RISE = 1e-6, 1e-4
 
 
 def fit(
@@ -211,7 +212,7 @@ def _result(
 ) -> FitResult:
     shown = problem.experiments[0]
     names = shown.directions.names
-    active = _active(best.values, problem)
+    active = _active(best, problem, estimated)
     best = _at_bounds(best, active, problem)
     evaluation = best.evaluation
     assert evaluation is not None
@@ -272,12 +273,25 @@ def _result(
     )
 
 
-def _active(values: Array, problem: Problem) -> tuple[str, ...]:
-    """Return the bounds on which values lie."""
+def _active(best: SearchResult, problem: Problem, estimated: bool) -> tuple[str, ...]:
+    """Return the bounds on which values lie: near them and, within the data's errors, on them."""
+    assert best.evaluation is not None
+    values, (residuals, jacobian) = best.values, best.evaluation
     near = _ON_BOUND * np.maximum(np.abs(values), problem.scales)
+    freedom = len(residuals) - len(values)
+    variance = 2 * best.cost / freedom if estimated and freedom > 0 else 1.0
+
+    def on(bound: float, i: int) -> bool:
+        step = bound - values[i]
+        if abs(step) > near[i]:
+            return False
+        column = jacobian[:, i] * step
+        rise = 2 * float(residuals @ column) + float(column @ column)
+        return step == 0.0 or rise <= _RISE * variance
+
     return tuple(
-        "min" if value - low <= gap else "max" if high - value <= gap else ""
-        for value, low, high, gap in zip(values, problem.low, problem.high, near, strict=True)
+        "min" if on(problem.low[i], i) else "max" if on(problem.high[i], i) else ""
+        for i in range(len(values))
     )
 
 

@@ -22,10 +22,11 @@ from lagcli.analysis.fit.search import Problem
 from lagcli.arrays import Array, Flags
 from lagcli.named_tuples import NamedTuple
 
-#: Singular values below this part of the largest count as zero: the Jacobian is not more accurate.
+#: Singular values below this part of the largest count as zero, with columns of equal length: the
+#: Jacobian is not more accurate.
 _VANISHING = 1e-6
-#: Components of a combination that are named, relative to the largest.
-_NAMED = 0.05
+#: Columns below this part of the longest count as zero.
+_UNSEEN = 1e-10
 #: A profile is evaluated at 2, 3, ... standard errors on each side, in steps that grow by 1.5, up
 #: to 34. Its ends are located to this fraction of a standard error.
 _FIRST, _GROWTH, _STEPS, _END = 2.0, 1.5, 8, 1e-3
@@ -66,7 +67,7 @@ class Uncertainty(NamedTuple):
     sigma : float
         s; 1 if the standard deviations of the data are known.
     freedom : int
-        Number of measured values minus the number of free quantities.
+        Number of measured values minus that of the combinations that they identify.
     """
 
     covariance: Array
@@ -112,63 +113,62 @@ def uncertainty(
     """
     places = np.flatnonzero(free)
     size = np.where(values != 0, np.abs(values), 1.0)[places]
-    # columns differ in length because of units; that is not a dependency
-    longest = np.linalg.norm(jacobian[:, places] * size, axis=0).max(initial=0.0)
     # a value near zero says nothing about the size of the quantity
     widest = np.maximum(size, scales[places])
-    unseen = np.linalg.norm(jacobian[:, places] * widest, axis=0) <= _VANISHING * max(
-        longest, 1e-300
-    )
+    # columns differ in length because of units; that is not a dependency
+    sizes = np.linalg.norm(jacobian[:, places] * widest, axis=0)
+    unseen = sizes <= _UNSEEN * max(sizes.max(initial=0.0), 1e-300)
     size = np.where(unseen, widest, size)
-    scaled = jacobian[:, places] * size
+    scaled = np.where(unseen, 0.0, jacobian[:, places] * size)
     lengths = np.linalg.norm(scaled, axis=0)
-    weight = np.where(unseen, 1.0, np.where(lengths > 0, lengths, 1.0))
-    _, singular, right = np.linalg.svd(scaled / weight, full_matrices=False)
+    weight = np.where(lengths > 0, lengths, 1.0)
+    # with fewer measured values than quantities, the combinations that have no singular value too
+    few = len(scaled) < len(places)
+    _, singular, right = np.linalg.svd(scaled / weight, full_matrices=few)
+    singular = np.pad(singular, (0, len(places) - len(singular)))
     right = right.T
-    if len(singular) < len(places):  # fewer measured values than quantities
-        _, singular, right = np.linalg.svd((scaled / weight).T @ (scaled / weight))
-        singular, right = np.sqrt(singular), right.T
-    vanishing = singular <= _VANISHING * max(singular.max(initial=0.0), 1e-300)
-    directions = right[:, vanishing] / weight[:, None]
+    least = _VANISHING * max(singular.max(initial=0.0), 1e-300)
+    vanishing = singular <= least
+    kept = right[:, ~vanishing] / singular[~vanishing]
+    # rounding errors of J turn the directions by this
+    rounding = least * np.linalg.norm(kept, axis=1) + _VANISHING
+    directions = _simple(right[:, vanishing])
+    involved = np.abs(directions) > rounding
+    relative = np.where(values[places] < 0, -1.0, 1.0) / weight
     combinations = tuple(
-        _combination(direction, [names[int(i)] for i in places])
-        for direction in _simple(directions)
+        _combination(direction * relative, which, [names[int(i)] for i in places])
+        for direction, which in zip(directions, involved, strict=True)
     )
-    freedom = len(residuals) - len(places)
+    freedom = len(residuals) - int((~vanishing).sum())
     square = float(residuals @ residuals)
     sigma = 1.0
     if estimated:
         sigma = math.sqrt(square / freedom) if freedom > 0 else math.nan
-    kept = right[:, ~vanishing] / singular[~vanishing]
     root = sigma * (size / weight)[:, None] * kept
     block = root @ root.T
-    involved = (np.abs(directions) > _NAMED * np.abs(directions).max(axis=0, initial=1e-300)).any(
-        axis=1
-    )
-    block[involved] = np.nan
-    block[:, involved] = np.nan
+    unidentified = involved.any(axis=0)
+    block[unidentified] = np.nan
+    block[:, unidentified] = np.nan
     covariance = np.full((len(values), len(values)), np.nan)
     covariance[np.ix_(places, places)] = block
     return Uncertainty(covariance, combinations, sigma, freedom)
 
 
-def _simple(directions: Array) -> list[Array]:
-    """Return a sparse basis of the span of columns, by Gaussian elimination."""
+def _simple(directions: Array) -> Array:
+    """Return a sparse basis of the span of columns, one a row, by Gaussian elimination."""
     rows = directions.T.copy()
-    pivots: list[int] = []
     for k in range(len(rows)):
         j = int(np.argmax(np.abs(rows[k])))
         rows[k] /= rows[k, j]
         for other in range(len(rows)):
             if other != k:
                 rows[other] -= rows[other, j] * rows[k]
-        pivots.append(j)
-    return list(rows)
+    return rows
 
 
-def _combination(direction: Array, names: Sequence[str]) -> ParameterCombination:
-    direction = direction / direction[int(np.argmax(np.abs(direction)))]
-    named = [i for i in range(len(names)) if abs(direction[i]) > _NAMED]
+def _combination(direction: Array, involved: Flags, names: Sequence[str]) -> ParameterCombination:
+    direction = direction / direction[int(np.argmax(np.abs(np.where(involved, direction, 0.0))))]
+    named = np.flatnonzero(involved).tolist()
     return ParameterCombination(
         tuple(names[i] for i in named), tuple(float(direction[i]) for i in named)
     )

@@ -85,3 +85,44 @@ def test_fewer_data_than_quantities_leave_combinations() -> None:
 def test_quantiles(level: float) -> None:
     assert quantile(level, 7, False) == pytest.approx(norm.ppf(0.5 + level / 2))
     assert quantile(level, 7, True) == pytest.approx(t.ppf(0.5 + level / 2, 7))
+
+
+@pytest.mark.parametrize("weight", [1.0, 0.1, 1e-2, 1e-3])
+@pytest.mark.parametrize("value", [1.0, 1e-6])
+def test_quantities_of_a_combination_have_no_error_however_small_their_part(
+    weight: float, value: float
+) -> None:
+    # the data depend on a + weight b
+    values = np.array([value, 2.0, 1.0])
+    jacobian = JACOBIAN * [1.0, 1.0, 1e-4]
+    jacobian[:, 1] = weight * jacobian[:, 0]
+    sure = uncertainty(RESIDUALS, jacobian, values, np.ones(3), NAMES, FREE, False)
+    assert [x.names for x in sure.combinations] == [("a", "b")]
+    assert np.isnan(sure.standard_errors[:2]).all()
+    assert np.isfinite(sure.standard_errors[2])
+
+
+def test_changes_of_negative_quantities_are_relative_to_their_values() -> None:
+    # the data depend on a + b at a = 1, b = −2: a +100 % and b +50 % leave the sum
+    values = np.array([1.0, -2.0, 1.0])
+    jacobian = JACOBIAN.copy()
+    jacobian[:, 1] = jacobian[:, 0]
+    (combination,) = uncertainty(
+        RESIDUALS, jacobian, values, np.abs(values), NAMES, FREE, False
+    ).combinations
+    np.testing.assert_allclose(combination.changes, [1.0, 0.5], rtol=1e-8)
+
+
+def test_a_weak_quantity_is_identified_by_precise_data() -> None:
+    # as the drag of a satellite, which moves it by 1e-8 of the radius
+    sure = found(JACOBIAN * [1e16, 1e14, 1e16])
+    assert not sure.combinations
+    assert np.isfinite(sure.standard_errors).all()
+
+
+def test_degrees_of_freedom_count_what_the_data_identify() -> None:
+    jacobian = JACOBIAN.copy()
+    jacobian[:, 1] = jacobian[:, 0]
+    estimated = found(jacobian, estimated=True)
+    assert estimated.freedom == 38
+    assert estimated.sigma == pytest.approx(np.sqrt(RESIDUALS @ RESIDUALS / 38))
