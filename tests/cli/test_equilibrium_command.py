@@ -280,3 +280,16 @@ def test_the_unit_after_the_last_value_is_that_of_both_ends(
     assert run(["equilibrium", model, "--along", "P=1:2 kN", "--json"]) == 0
     (branch,) = json.loads(capsys.readouterr().out)["branches"]
     assert (branch["parameter"][0], branch["parameter"][-1]) == pytest.approx((1000, 2000))
+
+
+def test_a_branch_that_ends_within_the_range_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "root.yaml"
+    model.write_text(
+        "coordinates: [x]\nparameters: {s: 0}\nT: x'^2/2\n"
+        "V: (x - 3)^2*sqrt(2 - s)/2 + x^4/4\ninitial: {x: 1, x': 0}\n"
+    )
+    for end, stops in (("4", True), ("1.5", False)):
+        assert run(["equilibrium", str(model), "--along", f"s=0:{end}"]) == 0
+        assert ("no further point was found" in capsys.readouterr().out) == stops

@@ -476,6 +476,21 @@ def test_lines_of_equilibria_of_other_potentials(shape: str) -> None:
     assert [branch.line for branch in diagram.branches] == [False, True, True]
 
 
+@pytest.mark.parametrize(("mass", "length"), [(1.0, 7e3), (6e3, 500.0), (1e5, 20.0)])
+def test_a_pitchfork_of_coordinates_of_any_size_is_no_line_of_equilibria(
+    mass: float, length: float
+) -> None:
+    # at x = 0 nothing shows the size: x = ±length √(s − 0.2)
+    text = (
+        f"coordinates: [x]\nparameters: {{s: 0}}\nT: {mass!r}*x'^2/2\n"
+        f"V: {mass!r}*((x/{length!r})^4/4 - (s - 0.2)*(x/{length!r})^2/2)\nQ: {{x: -x'}}\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", -1.0, 1.0)
+    assert [(x.kind, x.crossing) for x in diagram.special] == [("branch point", "pitchfork")]
+    assert diagram.special[0].parameter == pytest.approx(0.2, rel=1e-9)
+
+
 def test_a_high_order_pitchfork_is_no_line_of_equilibria() -> None:
     # x = 0 and x⁴ = s − 1
     text = (

@@ -214,7 +214,9 @@ class ExtendedProblem:
             return None
         slope = self.parameter.slope(problem, residual, self.value(z))
         matrix = np.column_stack([problem.jacobian(residual), slope])
-        return Place(z, residual, matrix * np.outer(self.rows, self.columns))
+        with np.errstate(over="ignore"):
+            matrix = matrix * np.outer(self.rows, self.columns)
+        return Place(z, residual, matrix) if np.isfinite(matrix).all() else None
 
     def correct(
         self, z: Array, tangent: Array, rank: int, frame: Frame | None = None
@@ -238,7 +240,8 @@ class ExtendedProblem:
             place = self.place(z)
             if place is None:
                 return None
-            if place.residual.relative <= _REACHED and abs(tangent @ z - target) <= 1e-12:
+            near = 1e-12 * max(1.0, np.abs(z).max())
+            if place.residual.relative <= _REACHED and abs(tangent @ z - target) <= near:
                 return place, iteration
             right = np.concatenate([self.rows * place.residual.value, [tangent @ z - target]])
             if frame is None or not frame.right.size:
@@ -284,13 +287,15 @@ SpecialKind = Literal[
     ContactEnd,
 ]
 
-#: Lengths of steps in scaled unknowns: first, longest and shortest.
+#: Lengths of steps in scaled unknowns: first, longest and shortest. The longest is this part of the
+#: distance travelled, if that is more than 1, where the size of coordinates is not known.
 _FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
 _TURN = 0.9  # smallest cosine of the angle between successive tangents
 _MOST = 2000  # largest number of points of a branch
 #: Components of the tangent along the parameter that are rounding errors, and the number of
-#: successive points with such tangents from which on a branch is a line of equilibria.
-_VERTICAL, LINE = 1e-9, 50
+#: successive points with such tangents from which on a branch is a line of equilibria, unless the
+#: parameter changes within this distance.
+_VERTICAL, LINE, _FAR = 1e-9, 50, 1e4
 #: Special points closer than this part of the step explain a change of stability; a verdict that
 #: changes closer than this to a point holds at this point alone.
 _EXPLAINED, _SINGLE = 1e-2, 1e-6
@@ -506,14 +511,15 @@ class Tracer:
                 return
             yield after, following, special
             upright = upright + 1 if vertical(before) and vertical(after) else 0
-            if upright == LINE:
-                return
             travelled += used
+            if upright == LINE and not self.turned(after, after.place.z[-1]):
+                return
             closed = np.linalg.norm(after.place.z - origin.place.z) < used / 2
             if last or (closed and travelled > 4 * _LONGEST and after.tangent @ origin.tangent > 0):
                 return
             before, stability = after, following
-            length = min(_LONGEST, used * (1.5 if steps <= 4 else 1.0))
+            longest = _LONGEST * max(1.0, travelled) if self.problem.local.unsized else _LONGEST
+            length = min(longest, used * (1.5 if steps <= 4 else 1.0))
 
     def _contact_end(self, stretch: _Stretch) -> LocatedPoint | None:
         """Return the point at which the first contact changes between two points, if one does."""
@@ -537,6 +543,27 @@ class Tracer:
                 return moved[0], length, moved[1]
             length /= 2
         return None
+
+    def turned(self, point: Traced, start: float) -> float:
+        """Return the change of the scaled parameter along a branch, 0 for a line of equilibria.
+
+        Where all coordinates are zero their size is not known, and the branch may bend little
+        beside the point.
+        """
+        if not self.problem.local.unsized:
+            return 0.0
+        travelled, length = 0.0, _LONGEST
+        while travelled < _FAR:
+            moved = self._step(point, length)
+            if moved is None:
+                break
+            point, used, _ = moved
+            change = float(point.place.z[-1] - start)
+            if abs(change) > 2 * _VERTICAL:
+                return change
+            travelled += used
+            length = 2 * used
+        return 0.0
 
     def _leaves(self, point: Traced) -> bool:
         low, high = sorted(self.limits)

@@ -247,6 +247,8 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             part = "all of it" if level else "its end"
             lines += entry("line", f"{part} is a line of equilibria at {name} = {at[-1]:.12g}", 4)
             lines += entry("q", listed(_range_of(branch["q"])), 4)
+        elif _stops(branch, content):
+            lines += entry("end", "no further point was found; the branch may go on", 4)
         changes = [
             x["parameter"]
             for x in content["special_points"]
@@ -267,6 +269,18 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             lines += entry("verdict", f"{before}, then {after}", 4)
         lines += state_lines(point, 4, rates=False)
     return "\n".join(lines)
+
+
+def _stops(branch: Mapping[str, Any], content: Mapping[str, Any]) -> bool:
+    """Whether a branch ends within the range, and neither at a contact nor where it began."""
+    at, (low, high) = branch["parameter"], content["limits"]
+    q = np.array(list(branch["q"].values())).T
+    least, most = sorted((low, high))
+    margin = 1e-6 * (most - least)
+    contacts = [x["parameter"] for x in content["special_points"] if x["contact"] is not None]
+    steps = np.abs(np.diff(q, axis=0)).max(axis=0, initial=0.0)
+    closed = len(at) > 2 and (np.abs(q[-1] - q[0]) <= steps).all()
+    return least + margin < at[-1] < most - margin and at[-1] not in contacts and not closed
 
 
 def _kind(point: Mapping[str, Any]) -> str:

@@ -299,7 +299,7 @@ class _Diagram:
         if special.kind == "branch point":
             entered = [self._entered(tracer, special.point, sign) for sign in (1.0, -1.0)]
             self.crossings.append((number, [x for x in entered if x is not None]))
-            crossing = _crossing(special.point, [x.point for x in self.crossings[-1][1]])
+            crossing = _crossing(special.point, self.crossings[-1][1])
         if special.kind in ("Hopf point", "flutter"):
             values = tracer.stability(special.point).eigenvalues
             oscillating = values[values.imag > 0]
@@ -377,13 +377,15 @@ class _Diagram:
         )
 
 
-def _crossing(point: Traced, entered: list[Traced]) -> Crossing | None:
+def _crossing(point: Traced, entered: list[_Entry]) -> Crossing | None:
     """Determine on which sides of a branch point the other branch lies."""
     if len(entered) < 2:
         return None
-    one, other = (x.place.z[-1] - point.place.z[-1] for x in entered)
+    one, other = (x.point.place.z[-1] - point.place.z[-1] for x in entered)
     if max(abs(one), abs(other)) < _VERTICAL:
-        return "line of equilibria"
+        one, other = (x.tracer.turned(x.point, point.place.z[-1]) for x in entered)
+        if not (one or other):
+            return "line of equilibria"
     if min(abs(one), abs(other)) < _VERTICAL:
         return None
     return "pitchfork" if one * other > 0 else "transcritical"

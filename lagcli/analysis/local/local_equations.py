@@ -162,6 +162,13 @@ class LocalEquations(DerivedModel):
         return lengths(evaluator, self.t, self.start.state.q, self.angles, turns)
 
     @cached_property
+    def unsized(self) -> bool:
+        """Whether nothing at the start shows the size of coordinates that are not angles."""
+        q = self.start.state.q
+        size = largest_size(self.evaluator(self.p), self.t, q, self.angles)
+        return not size and not self.angles.all()
+
+    @cached_property
     def least_forces(self) -> Array:
         """Forces that count as zero: a fraction of those at large changes of q, (nq,).
 
@@ -467,15 +474,23 @@ def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags, turning: 
     1 rad for an angle, or more for one without a period. For other coordinates, the size of the
     largest coordinate, compared by inertia, or the size of the constraints' terms if all are zero.
     """
-    zero = np.zeros(len(q))
-    c = evaluator.constraints(t, q, zero)
-    sizes = evaluator.sizes(t, q, zero)
-    others = ~periodic
-    largest = np.abs(q / sizes)[others].max(initial=0.0)
-    rows = c.jacobian[list(evaluator.system.holonomic)] * sizes
-    if not largest and len(rows):
-        largest = float((c.position_scale / dense.row_scale(rows)).max())
-    scales = (largest or 1.0) * sizes
+    sizes = evaluator.sizes(t, q, np.zeros(len(q)))
+    scales = (largest_size(evaluator, t, q, periodic) or 1.0) * sizes
     scales[periodic] = 1.0
     scales[turning] = np.maximum(scales[turning], 1.0)
     return np.asarray(scales)
+
+
+def largest_size(evaluator: Evaluator, t: float, q: Array, periodic: Flags) -> float:
+    """Return the size of the largest coordinate that is not an angle, compared by inertia.
+
+    That of the constraints' terms if all are zero; 0 without any.
+    """
+    zero = np.zeros(len(q))
+    c = evaluator.constraints(t, q, zero)
+    sizes = evaluator.sizes(t, q, zero)
+    size = float(np.abs(q / sizes)[~periodic].max(initial=0.0))
+    rows = c.jacobian[list(evaluator.system.holonomic)] * sizes
+    if not size and len(rows):
+        size = float((c.position_scale / dense.row_scale(rows)).max())
+    return size
