@@ -27,6 +27,7 @@ from lagcli.model.model import Model, check_is_model, velocity
 from lagcli.model.result_units import result_units
 from lagcli.model.values import dependent_values
 from lagcli.named_tuples import NamedTuple
+from lagcli.simulations.contacts import refuse_nonlinear_impulses
 from lagcli.simulations.resources import (
     DerivedTape,
     derivatives,
@@ -132,13 +133,14 @@ def fmu(
     ------
     UsageError
         There is no such version; an input is not a parameter, or one that cannot change; there is
-        no wheel in the folder.
+        no wheel in the folder; an impulse may act on a constraint nonlinear in the velocities.
     ModelError, NumericalError
         There is no consistent initial state.
     """
     check_is_model(model, "fmu")
     if version not in VERSIONS:
         raise UsageError(f"there is no FMI {version}; known are {', '.join(VERSIONS)}")
+    refuse_nonlinear_impulses(model, "an FMU")
     return _Fmu(prepare(model), version, inputs).packed(_libraries(version, wheels), icon)
 
 

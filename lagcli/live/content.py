@@ -42,6 +42,7 @@ from lagcli.play.equations import PlayEquations
 from lagcli.play.presets import presets
 from lagcli.play.runs import live_plot, model_word, plot_groups, resampled
 from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.contacts import refuse_nonlinear_impulses
 from lagcli.simulations.resources import Resources, method_of, resources, settable_parameters
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.simulations.start import determined_values
@@ -96,6 +97,7 @@ class _Contents:
     """The content of the page of one model."""
 
     def __init__(self, model: Model, settings: SettingsOverrides | None):
+        refuse_nonlinear_impulses(model, "a page that simulates")
         self.model = model = with_rims(with_view(model))
         self.simulation = _sampled(prepare(model, settings))
         self.run = self.simulation.trajectory()

@@ -172,6 +172,43 @@ def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -
     raise UsageError(Diagnostic("not-supported", f"{what} need {why}", location, help_))
 
 
+def refuse_nonlinear_impulses(model: Model, what: str) -> None:
+    """Reject models whose impulses may take velocities off a constraint nonlinear in them.
+
+    A run ends at such an impulse; what has only the law of impulses, which is linear, would go on.
+
+    Parameters
+    ----------
+    model : Model
+    what : str
+        What would go on, in the singular.
+
+    Raises
+    ------
+    UsageError
+    """
+    curved = next((c for c in model.constraints if c.kind == "nonlinear"), None)
+    strikes = [(f"the contact `{c.name}`", c.location) for c in model.constraints if c.sign]
+    strikes += [
+        (f"the event `{event.name}`", event.location)
+        for event in model.events
+        if event.action.impulse or event.action.engage
+    ]
+    if curved is None or not strikes:
+        return
+    source, location = strikes[0]
+    raise UsageError(
+        Diagnostic(
+            "not-supported",
+            f"{what} cannot have impulses, as of {source}, beside `{curved.name}`: its reaction to"
+            " them is not determined, since it is nonlinear in the velocities",
+            location,
+            "let a force act for a short time in `Q`, or `simulate` the model, which ends at such"
+            " an impulse",
+        )
+    )
+
+
 def model_at_start(model: Model, held: tuple[str, ...]) -> Model:
     """Return a model whose constraints are those active at the initial state."""
     multipliers = {multiplier(name) for name in model.constraint_names}

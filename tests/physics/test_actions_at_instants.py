@@ -7,6 +7,9 @@ import pytest
 import yaml
 
 import lagcli
+from lagcli.errors import UsageError
+from lagcli.export.fmu import fmu
+from lagcli.live.content import live_content
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, run_contact
 from tests.support.switching_models import BLOCK
@@ -284,6 +287,24 @@ def test_an_impulse_on_a_constraint_nonlinear_in_velocities_ends_the_run(
     assert run.status == "failed"
     assert "reaction of `speed` to the impulse at" in run.message
     assert place in run.message
+
+
+@pytest.mark.parametrize(
+    ("constraint", "event", "source"),
+    [
+        (WALL, "{when: t >= 2, stop: true}", "contact `wall`"),
+        ("", "{when: t >= 0.1, impulse: {x: 0.5}}", "event `hit`"),
+        ("stay: {expr: z' = x', active: false}", "{when: t >= 0.1, engage: stay}", "event `hit`"),
+    ],
+)
+def test_pages_and_fmus_refuse_such_impulses(constraint: str, event: str, source: str) -> None:
+    text = NONLINEAR.replace("CONSTRAINT", constraint)
+    model = load_text(f"{text}events: {{hit: {event}}}\nsimulation: {{t_end: 0.05}}\n")
+    for export in (fmu, live_content):
+        with pytest.raises(UsageError, match=f"{source}, beside `speed`"):
+            export(model)
+    straight = text.replace("x'^2 + y'^2 = c^2", "3*x' + 4*y' = 0")
+    assert fmu(load_text(f"{straight}events: {{hit: {event}}}\n"))
 
 
 @pytest.mark.parametrize("action", ["impulse: {z: 0.5}", "set: {x': 3}"])
