@@ -180,18 +180,21 @@ def _verdict(stability: Stability, states: ComplexArray, least: float, dimension
     _, values, stiffness, rounding = stability
     if not len(values):
         return "stable"  # the constraints determine the motion
-    if (values.real > rounding).any():
+    # a real eigenvalue that is not zero has a sign, small as it is beside those of strong damping
+    real = values.imag == 0.0
+    if (values.real > np.where(real, 0.0, rounding)).any():
         return "unstable"
     moving = values != 0.0
     neutral = len(values) - int(moving.sum())
-    if (values.real[moving] < -rounding).all() and neutral <= 2 * dimension:
+    decays = values.real < np.where(real, 0.0, -rounding)
+    if decays[moving].all() and neutral <= 2 * dimension:
         return "asymptotically stable" if moving.any() else "undecided"
     if stiffness is not None:
         zero = max(_ZERO * np.abs(stiffness).max(initial=0.0), least)
         definite = not (stiffness < -zero).any()
         if definite and (np.abs(stiffness) <= zero).sum() <= dimension < len(stiffness):
             return "stable"
-    imaginary = moving & (values.real >= -rounding)
+    imaginary = moving & ~decays
     if neutral > 2 * dimension or _defective(values[imaginary], states[:, imaginary]):
         return "undecided"
     return "linearly stable"  # stabilized by gyroscopic forces, or by damping of some motions

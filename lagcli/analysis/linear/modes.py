@@ -22,9 +22,12 @@ Kind = Literal["neutral", "oscillation", "growing oscillation", "decay", "diverg
 
 #: Real parts below this part of an eigenvalue's magnitude are rounding errors.
 _UNDAMPED = 1e-9
-#: Eigenvalues below this part of the largest count as zero: rounding perturbs a defective pair by
-#: √ε.
+#: Eigenvalues below this part of the rate √(stiffness/mass) count as zero: rounding perturbs a
+#: defective pair by √ε.
 _ZERO = 1e-7
+#: Rounding errors of a matrix, relative to its largest entry; part of the largest eigenvalue below
+#: which others lose too many digits by them.
+_LOST, _SLOW = 1e-13, 1e-3
 #: Asymmetry, damping and components of shapes below this part of the terms count as rounding
 #: errors.
 _ROUNDING = 1e-11
@@ -283,10 +286,12 @@ def asymmetric_eigenpairs(linear: LinearModel) -> tuple[ComplexArray, ComplexArr
     operating_point = linear.operating_point
     tangent = operating_point.tangent
     n, sizes = len(tangent.positions), tangent.decomposition.sizes
-    rate = np.sqrt(np.abs(linear.A[n:, :n]).max(initial=0.0)) or 1.0
-    velocities = rate * sizes[list(tangent.velocities)]
-    scale = np.concatenate([sizes[list(tangent.positions)], velocities])
-    values, states = general_eigenpairs(linear.A, scale)
+    places, velocities = sizes[list(tangent.positions)], sizes[list(tangent.velocities)]
+    stiffness = linear.A[n:, :n]
+    rate = np.sqrt(np.abs(stiffness).max(initial=0.0)) or 1.0
+    scale = np.concatenate([places, rate * velocities])
+    natural = np.abs(stiffness * places / velocities[:, None]).max(initial=0.0)
+    values, states = general_eigenpairs(linear.A, scale, float(np.sqrt(natural)))
     if operating_point.frame is not None:
         # terms of the square of the frame's rate cancel
         values[np.abs(values) < _ZERO * np.abs(np.linalg.eigvals(operating_point.frame)).max()] = (
@@ -295,7 +300,9 @@ def asymmetric_eigenpairs(linear: LinearModel) -> tuple[ComplexArray, ComplexArr
     return values, states
 
 
-def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:
+def general_eigenpairs(
+    matrix: Array, sizes: Array, rate: float
+) -> tuple[ComplexArray, ComplexArray]:
     """Return eigenvalues and right eigenvectors; complex pairs once.
 
     Entries that are rounding errors relative to the others are set to zero, so that coordinates on
@@ -306,14 +313,29 @@ def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, Compl
     matrix : (n, n) array
     sizes : (n,) array
         Values of the states that are considered equal in size.
+    rate : float
+        √(stiffness/mass): where damping is strong, far below the largest eigenvalue and far above
+        the slowest.
     """
+    from scipy.linalg import eig
+
     if not len(matrix):
         return np.empty(0, complex), np.empty((0, 0), complex)
     scaled = matrix * sizes / sizes[:, None]
     rounding = len(matrix) * np.finfo(float).eps * np.abs(scaled).max()
-    values, vectors = np.linalg.eig(np.where(np.abs(scaled) > rounding, scaled, 0.0))
+    scaled = np.where(np.abs(scaled) > rounding, scaled, 0.0)
+    values, left, vectors = eig(scaled, left=True)
     values, vectors = values.astype(complex), vectors.astype(complex)
-    values[np.abs(values) < _ZERO * np.abs(values).max(initial=0.0)] = 0.0
+    largest = np.abs(values).max()
+    # |yᴴx| of the left and right eigenvectors is the inverse of an eigenvalue's condition
+    products = (left.conj() * vectors).sum(axis=0)
+    aligned = np.maximum(np.abs(products), np.finfo(float).tiny)
+    least = np.maximum(_ZERO * rate, _LOST * np.abs(scaled).max() / aligned)
+    values[np.abs(values) < np.minimum(least, _ZERO * largest)] = 0.0
+    # the errors of a Rayleigh quotient are of second order in those of the vectors
+    slow = (values != 0.0) & (np.abs(values) < _SLOW * largest) & (aligned > _SLOW)
+    quotients = (left.conj() * (scaled @ vectors)).sum(axis=0)
+    values[slow] = quotients[slow] / products[slow]
     real = np.abs(values.imag) <= _UNDAMPED * np.abs(values)
     values[real] = values[real].real
     # eigenvectors of several neutral motions are contaminated by each other

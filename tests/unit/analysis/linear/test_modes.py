@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ def test_neutral_states_have_eigenvalues_of_zero() -> None:
     matrix[0, 1], matrix[1, 2], matrix[3, 4], matrix[4, 3] = 5.0, 7.0, 1.0, -4.0
     matrix[2, 3] = 0.3
     noise = 1e-16 * np.random.default_rng(2).standard_normal((5, 5))
-    values, vectors = general_eigenpairs(matrix + noise, np.ones(5))
+    values, vectors = general_eigenpairs(matrix + noise, np.ones(5), 2.0)
     found = sorted(values, key=abs)
     assert found[:3] == [0, 0, 0]
     assert found[3] == pytest.approx(2j)
@@ -41,6 +43,24 @@ def test_kinds_of_modes() -> None:
     assert found.modes[3].damping_ratio == pytest.approx(-0.05)
     assert found.modes[-1].damping_ratio == 0.0
     assert found.modes[-1].position.tolist() == [0, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(("mass", "damping"), [(1.0, 1e4), (1.0, 1e6), (1e-3, 1e5)])
+@pytest.mark.parametrize("stiffness", [10.0, -10.0])
+def test_slow_motions_beside_strong_damping_are_not_neutral(
+    mass: float, damping: float, stiffness: float
+) -> None:
+    text = (
+        f"coordinates: [x]\nparameters: {{k: {stiffness}}}\nT: {mass}*x'^2/2\nV: k*x^2/2\n"
+        f"D: {damping}/2*x'^2\ninitial: {{x: 0, x': 0}}\n"
+    )
+    slowest = -2 * stiffness / (damping + math.sqrt(damping**2 - 4 * mass * stiffness))
+    slow, fast = lagcli.modes(lagcli.load_text(text)).modes
+    assert slow.kind == ("decay" if stiffness > 0 else "divergence")
+    assert slow.eigenvalue == pytest.approx(slowest, rel=1e-9)
+    assert fast.eigenvalue == pytest.approx(-damping / mass, rel=1e-3)
+    (one,) = lagcli.equilibrium(lagcli.load_text(text)).equilibria
+    assert one.stability.verdict == ("asymptotically stable" if stiffness > 0 else "unstable")
 
 
 def test_zero_degrees_of_freedom_have_no_modes() -> None:
