@@ -312,3 +312,23 @@ simulation: {{t_end: 1, samples: 101}}
     stuck = run.multipliers[run.time < slips[0]]
     assert (np.abs(stuck[:, 5]) <= k[0] * np.hypot(stuck[:, 0], stuck[:, 1]) * (1 + 1e-9)).all()
     assert (np.abs(stuck[:, 6]) <= k[1] * np.hypot(stuck[:, 2], stuck[:, 3]) * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("share", [0.6, -0.5, -1.6, -5.0])
+def test_a_ball_on_a_floor_whose_force_pushes_it_back(share: float) -> None:
+    """y'' = λ (1 + share) − g: beyond a share of −1 no λ ≥ 0 holds the ball, and it was held by a
+    λ < 0, since the iteration for such forces does not converge.
+    """
+    text = (
+        "coordinates: [y]\nparameters: {g: 10}\nT: y'^2/2\nV: g*y\n"
+        f"Q: {{y: {share}*lambda.floor}}\n"
+        "constraints: {floor: {expr: y >= 0, restitution: 0.3}}\ninitial: {y: 0.05, y': 0}\n"
+    )
+    run, _ = simulate(text, t_end=1)
+    if share > -1:
+        assert run.status == "completed"
+        assert run.multipliers[-1, 0] == pytest.approx(10 / (1 + share), rel=1e-12)
+    else:
+        assert run.status == "failed"
+        assert "no motion is possible at `floor`" in run.message
+    assert run.multipliers.min() >= 0

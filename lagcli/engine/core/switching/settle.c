@@ -337,9 +337,9 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     };
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
     lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
-    int motions = LAG_ONE_MOTION, guess = 1;
+    int motions = LAG_ONE_MOTION, guess = 1, settled = 0;
     present_modes(n, &p, mode);
-    for (int iteration = 0; iteration < FORCE_STEPS; ++iteration) {
+    for (int iteration = 0; iteration < FORCE_STEPS && !settled; ++iteration) {
         memcpy(a, free, (size_t)nq * sizeof(double));
         memcpy(run->solver.a, free, (size_t)size * sizeof(double));
         for (int k = 0; k < sw->nf; ++k) {
@@ -374,13 +374,15 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
         const int exact = !curved || linearize_limits(run, t, y, free, n, iteration >= SECANTS, &p);
         if (!exact && iteration == 0)
             present_modes(n, &p, mode);
-        if (!sw->nf && exact)
+        settled = !sw->nf && exact;
+        if (settled)
             break;
         lag_gather_multipliers(run, run->solver.a + nq, force, sw->multipliers);
         lag_evaluate_laws(run, &sw->forces, t, y, a, sw->multipliers, LAG_OF_FORCES);
-        if (next_forces(sw, size, iteration, present) && exact)
-            break;
+        settled = next_forces(sw, size, iteration, present) && exact;
     }
+    if (n && !settled && motions == LAG_ONE_MOTION)
+        motions = LAG_NO_MOTION; /* the forces of the rows do not follow from themselves; without rows a step says so */
     measure_speeds(run, a);
     for (int i = 0; i < sw->rows; ++i)
         mode[i] = LAG_OPEN;
