@@ -330,3 +330,10 @@ def test_intervals_cover_the_truth_in_95_of_100_fits(tmp_path: Path) -> None:
         covered += (found.low <= truth) & (truth <= found.high)
     assert (covered >= 180).all(), covered
     assert (covered <= 198).all(), covered
+
+
+def test_a_mistake_in_the_values_of_an_experiment_names_its_line(tmp_path: Path) -> None:
+    measured(tmp_path)
+    block = BOTH.replace("{file: run.csv}", "{file: run.csv, set: {nothing: 3}}")
+    with pytest.raises(ModelError, match=r"no parameter `nothing`(.|\n)*model\.yaml:\d+\)"):
+        lagcli.fit(model(tmp_path, block))

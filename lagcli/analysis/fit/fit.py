@@ -25,7 +25,7 @@ from lagcli.columns import unit_quotient
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
-from lagcli.model.model import FitBlock, Model, check_is_model
+from lagcli.model.model import DataFile, FitBlock, Model, check_is_model
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.directions import direction_names
@@ -133,7 +133,7 @@ def prepared(model: Model, settings: SettingsOverrides | None = None) -> tuple[P
     names = direction_names(model, [x.name for x in block.fitted], "`parameters` of `fit`")
     folder = os.path.dirname(model.path) if model.path else ""
     data = [read_measured(file, folder, model, block.observed) for file in block.data]
-    models = [_with_values(model, file.set, file.initial) for file in block.data]
+    models = [_with_values(model, file) for file in block.data]
     overrides = (settings or SettingsOverrides()).replace(sensitivity=None)
     chosen = [resolve(overrides, x.settings.replace(sensitivity=None, **_NO_GRID)) for x in models]
     experiments = experiments_of(models, chosen, data, names)
@@ -161,17 +161,21 @@ def prepared(model: Model, settings: SettingsOverrides | None = None) -> tuple[P
 _NO_GRID: dict[str, None] = dict.fromkeys(("samples", "dt", "times", "t_end"))
 
 
-def _with_values(model: Model, values: Any, initial: Any) -> Model:
+def _with_values(model: Model, file: DataFile) -> Model:
     """Return the model with the values of one experiment."""
-    if not values and not initial:
+    if not file.set and not file.initial:
         return model
-    return load_text(
-        model.text,
-        model.path,
-        {**model.set, **values},
-        {**model.set_initial, **initial},
-        model.data,
-    )
+    try:
+        return load_text(
+            model.text,
+            model.path,
+            {**model.set, **file.set},
+            {**model.set_initial, **file.initial},
+            model.data,
+        )
+    except ModelError as error:
+        place = (f"the value is that of {file.path} under `data` of `fit`", file.location)
+        raise ModelError([x._replace(notes=(*x.notes, place)) for x in error.diagnostics]) from None
 
 
 def _limit_steps(problem: Problem, values: Array) -> None:
