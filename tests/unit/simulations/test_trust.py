@@ -219,6 +219,18 @@ def test_many_outputs_are_counted() -> None:
     assert found.warnings[-1] == "4 more columns are not finite at some samples"
 
 
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+@pytest.mark.parametrize(("length", "end"), [(1.0, 1e3), (2e-3, 100.0), (2e-3, 1e4)])
+def test_a_pendulum_at_rest_has_no_warning(length: float, end: float, rtol: float) -> None:
+    # one step of any length, within which rounding errors of the tension do work
+    text = (
+        f"coordinates: [x, y]\nparameters: {{m: 0.011, L: {length}}}\nT: m/2*(x'^2 + y'^2)\n"
+        "V: 9.81*m*y\nconstraints: {rod: x^2 + y^2 = L^2}\n"
+        "initial: {x: 0, y: {guess: -L}, x': 0, y': {guess: 0}}\n"
+    )
+    assert lagcli.simulate(lagcli.load_text(text), t_end=end, rtol=rtol).warnings == ()
+
+
 def test_the_residuals_of_an_open_contact_are_no_warning() -> None:
     text = """
 coordinates: [y]
