@@ -1,4 +1,4 @@
-"""Forces and drives that begin and end smoothly, as exp(−1/z) does at z = 0, beside a pole.
+"""Pulses, and forces and drives that begin and end smoothly, as exp(−1/z) does beside its pole.
 
 The equations are integrated by SciPy, in short steps, with functions written here.
 """
@@ -143,3 +143,46 @@ initial: {x: 0, x': 1}
     assert found.status == "completed", found.message
     assert found.counts["steps"] < 200
     assert found.q[-1, 0] == pytest.approx(t_end, abs=1e-8)
+
+
+#: Functions of z = (t − c)/w and their integrals over all z.
+PULSES = {
+    "exp(-z^2)": math.sqrt(math.pi),
+    "1/cosh(z)^2": 2.0,
+    "exp(-abs(z))": 2.0,
+    "(1 + z^2)^(-1.5)": 2.0,
+    "1/(exp(z) + exp(-z))": math.pi / 2,
+    "1/(1 + exp(-z)) - 1/(1 + exp(1 - z))": 1.0,
+}
+
+
+@pytest.mark.parametrize("moving", [0.0, 1.0])
+@pytest.mark.parametrize("width", [1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("pulse", PULSES)
+def test_a_short_pulse(pulse: str, width: float, moving: float) -> None:
+    """It is seen, and the rest of the run, where its parts overflow, takes few steps."""
+    rng = np.random.default_rng([*pulse.encode(), int(1 / width)])
+    centre = rng.uniform(2, 8)
+    force = pulse.replace("z", f"((t - {centre})/{width})")
+    text = f"""
+coordinates: [x]
+T: x'^2/2
+Q: {{x: "({force})/{width}"}}
+initial: {{x: 0, x': {moving}}}
+"""
+    method = ("auto", "DOP853", "Taylor")[int(rng.integers(3))]
+    found = lagcli.simulate(lagcli.load_text(text), method=method, t_end=10.0, samples=4)
+    assert found.status == "completed", found.message
+    tail = width**2 if "1.5" in pulse else 0.0  # outside the run
+    assert found.v[-1, 0] - moving == pytest.approx(PULSES[pulse], abs=1e-7 + tail)
+    assert found.counts["steps"] < 3000
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_powers_of_a_sine(method: str) -> None:
+    """Between its pulses all of its low derivatives vanish."""
+    n = 60
+    text = f"coordinates: [x]\nT: x'^2/2\nQ: {{x: sin(t)^{n}}}\ninitial: {{x: 0, x': 0}}\n"
+    found = lagcli.simulate(lagcli.load_text(text), method=method, t_end=3 * math.pi, samples=4)
+    one = math.pi * math.prod((2 * k - 1) / (2 * k) for k in range(1, n // 2 + 1))
+    assert found.v[:, 0] == pytest.approx([0, one, 2 * one, 3 * one], abs=1e-8)

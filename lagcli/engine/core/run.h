@@ -186,6 +186,7 @@ typedef struct {
     lag_tape tape;                     /* of (t, q, v, p) */
     lag_jet_tape jets;
     double *scale;                     /* count: their largest values in the run; 0: unbounded */
+    int *singular;                     /* count: whether they have no bounds even at the beginning of the step */
     double start, end, step;           /* steps up to this resolve them between these times */
 } lag_resolution;
 

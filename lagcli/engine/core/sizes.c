@@ -7,6 +7,7 @@
 #include "derivatives/changes.h"
 #include "methods/control.h"
 #include "motion.h"
+#include "switching/kinks.h"
 
 /* The kinetic energy of velocities v, or of what they may be h later, with M at the dynamics tape's state. */
 static double kinetic_energy(const lag_run *run, const double *v, double h)
@@ -103,6 +104,7 @@ static void look_ahead(lag_run *run)
     memset(balanced, 0, (size_t)nq * sizeof(double));
     for (int k = 0; k < LOOKS; ++k) {
         const double t = run->step.t + (k + 0.5) / LOOKS * length;
+        lag_preview_branches(run, t, y);
         if (lag_derivative(run, t, y, f))
             continue;
         const double *terms = balanced_terms(run, t, y, f + nq);
@@ -114,6 +116,7 @@ static void look_ahead(lag_run *run)
             size[i] = fmax(size[i], later < HIDDEN * terms[i] ? terms[i] : later);
         }
     }
+    lag_end_preview(run);
     for (int i = 0; i < nq; ++i)
         if (run->tolerances.acceleration_terms[i] < HIDDEN * balanced[i])
             run->tolerances.acceleration_terms[i] = balanced[i];

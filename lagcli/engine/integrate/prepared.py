@@ -249,10 +249,8 @@ def _independent(
     return independent_rows(c.jacobian, rank, scale=lengths, sizes=sizes)
 
 
-#: Operations that bend a function of time; sums and products inherit from their operands.
-_NONLINEAR = {Op.DIV} | {
-    op for op in Op if op.function is not None and op not in (Op.FLOOR, Op.CEIL)
-}
+#: Operations that bend a function of time, beside products and divisions by another one.
+_NONLINEAR = {op for op in Op if op.function is not None and op not in (Op.FLOOR, Op.CEIL)}
 
 
 def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
@@ -298,7 +296,8 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
             unknown.add(to)
         elif not timed.isdisjoint(operands):
             timed.add(to)
-            if op in _NONLINEAR and (op != Op.DIV or b in timed):
+            product = op == Op.MUL and timed.issuperset(operands)
+            if op in _NONLINEAR or product or (op == Op.DIV and b in timed):
                 results.append(to)
     if not results:
         return tape._replace(outputs=())

@@ -27,6 +27,37 @@ static void evaluate(lag_run *run, double t, const double *y)
     lag_evaluate(&run->switching.kinks.tape, &run->system, t, y, LAG_ALL);
 }
 
+/* The branch of a function's value that is not at a surface. */
+static double branch_of(const lag_kinks *k, int kink, double g)
+{
+    return !k->whole[kink] ? copysign(1.0, g) : k->whole[kink] > 0 ? floor(g) : ceil(g);
+}
+
+void lag_preview_branches(lag_run *run, double t, const double *y)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    double *branch = run->parameters + k->first;
+    for (int pass = 0, changed = k->count > 0; changed && pass <= k->count; ++pass) {
+        changed = 0;
+        evaluate(run, t, y);
+        for (int i = 0; i < k->count; ++i) {
+            const double now = branch_of(k, i, OUT(&k->tape, i));
+            changed |= now != branch[i];
+            branch[i] = now;
+        }
+        if (changed)
+            lag_renew_tapes(run);
+    }
+}
+
+void lag_end_preview(lag_run *run)
+{
+    if (run->switching.kinks.count == 0)
+        return;
+    lag_keep_branches(run);
+    lag_renew_tapes(run);
+}
+
 static void take_branch(lag_run *run, int kink, double branch)
 {
     lag_kinks *k = &run->switching.kinks;
@@ -85,7 +116,7 @@ static void take_clear_branches(lag_run *run)
                 continue;
             }
             k->state[i] = LAG_OFF_SURFACE;
-            const double branch = !k->whole[i] ? copysign(1.0, g) : k->whole[i] > 0 ? floor(g) : ceil(g);
+            const double branch = branch_of(k, i, g);
             changed |= branch != k->branch[i];
             k->branch[i] = branch;
         }
@@ -294,7 +325,7 @@ static void follow_branches(lag_run *run)
         evaluate(run, run->step.t, run->step.y);
         for (int i = 0; i < k->count; ++i) {
             const double g = OUT(&k->tape, i);
-            const double branch = !k->whole[i] ? copysign(1.0, g) : k->whole[i] > 0 ? floor(g) : ceil(g);
+            const double branch = branch_of(k, i, g);
             if (k->state[i] != LAG_OFF_SURFACE || branch == k->branch[i]
                 || fabs(g - (k->whole[i] ? floor(g + 0.5) : 0.0)) <= on_surface(k, i))
                 continue;

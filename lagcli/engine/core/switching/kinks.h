@@ -11,6 +11,10 @@ enum { LAG_OFF_SURFACE, LAG_ON_SURFACE, LAG_SIDE_KNOWN };
 /* Write the branches to the parameters after these have been set. */
 void lag_keep_branches(lag_run *run);
 
+/* Evaluate the equations with the branches at some other time and state, until the preview ends. */
+void lag_preview_branches(lag_run *run, double t, const double *y);
+void lag_end_preview(lag_run *run);
+
 /* The branches at the state of the run, and the surface on which the motion slides: by Filippov's rule where
  * the forces on both sides push onto it. Returns LAG_RUNNING, LAG_UNDEFINED, LAG_SURFACES or LAG_FORKED. */
 int lag_choose_branches(lag_run *run);

@@ -14,7 +14,13 @@
 static inline lag_interval outwards(double low, double high, double error)
 {
     const lag_interval r = {low - fabs(low) * error - LEAST, high + fabs(high) * error + LEAST};
-    return r.low <= r.high ? r : LAG_ANYTHING;
+    if (r.low <= r.high)
+        return r;
+    if (low == INFINITY && high == INFINITY) /* by overflow */
+        return (lag_interval){DBL_MAX, INFINITY};
+    if (low == -INFINITY && high == -INFINITY)
+        return (lag_interval){-INFINITY, -DBL_MAX};
+    return LAG_ANYTHING;
 }
 
 static inline int is_zero(lag_interval a)
