@@ -13,7 +13,13 @@ from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
 from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.tokens import decimal
-from lagcli.model.expression.units import UnknownUnit, commensurable, is_unit, to_si
+from lagcli.model.expression.units import (
+    UnknownUnit,
+    are_equal,
+    commensurable,
+    is_unit,
+    to_si,
+)
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.prose import counted
 
@@ -126,12 +132,12 @@ class CsvTable:
         ----------
         name : str
         unit : str or None
-            A valid unit, instead of the one in the title.
+            A valid unit of the model; the title may state the same one, or none.
 
         Raises
         ------
         FileError
-            The column does not exist, or the unit in its title is unknown.
+            The column does not exist, or the unit in its title is unknown, or is another one.
         """
         split = [split_title(title) for title in self.titles]
         for number, title in enumerate(map(str.strip, self.titles)):
@@ -141,6 +147,14 @@ class CsvTable:
             used = unit or stated
             if stated and name == title and not is_unit(stated):
                 used = unit  # brackets that are part of the name
+            elif unit and stated and is_unit(stated) and not are_equal(unit, stated):
+                raise self.error(
+                    "units",
+                    f"`{title}` states {stated}, but `unit` in the model file is {unit}",
+                    "correct one of them, or remove `unit`",
+                    1,
+                    number,
+                )
             try:
                 return number, to_si(used) if used else 1, used
             except UnknownUnit as error:

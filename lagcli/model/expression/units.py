@@ -187,6 +187,11 @@ def same_dimension(unit: str, other: str) -> bool:
     return same(read_unit(unit).dimension, read_unit(other).dimension)
 
 
+def are_equal(unit: str, other: str) -> bool:
+    """Whether two units are notations of one; raises as `read_unit`."""
+    return same_dimension(unit, other) and to_si(unit) == to_si(other)
+
+
 def remedy(unit: str, given: str) -> str:
     """Return what to write where a value is due in a unit, and given in one that does not fit."""
     if _in_cycles(given, unit):

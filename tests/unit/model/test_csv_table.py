@@ -24,13 +24,22 @@ def test_the_delimiter_is_the_commonest_in_the_titles() -> None:
 def test_columns_have_factors_to_si() -> None:
     found = table("t, x [cm],y (deg), v[1]\n")
     assert found.column("x", None) == (1, pytest.approx(0.01), "cm")
-    assert found.column("x", "mm") == (1, pytest.approx(0.001), "mm")  # the model's unit counts
+    assert found.column("v[1]", "mm") == (3, pytest.approx(0.001), "mm")
     assert found.column("y", None)[1] == pytest.approx(math.pi / 180)
     assert found.column("v[1]", None) == (3, 1, None)  # an index is no unit
     with pytest.raises(FileError, match="there is no column `z`"):
         found.column("z", None)
     with pytest.raises(FileError, match="`x \\[foo\\]`"):
         table("x [foo]\n").column("x", None)
+
+
+def test_a_column_has_one_unit() -> None:
+    found = table("t,u [kN],w [N],z [left]\n")
+    assert found.column("w", "kg*m/s^2")[1] == 1
+    assert found.column("z", "mm")[1] == pytest.approx(0.001)  # the brackets hold no unit
+    for unit in ("N", "MN", "m"):
+        with pytest.raises(FileError, match=rf"`u \[kN\]` states kN, but .* is {unit}"):
+            found.column("u", unit)
 
 
 def test_rows_come_with_their_lines_and_without_blank_ones() -> None:

@@ -32,15 +32,18 @@ class Ours:
     def __init__(self, case: Case, method: str):
         self.case, self.method = case, method
         self.model = case.load()
-        self.prepared = simulation.prepare(self.model, self.settings(1e-9))
+        self.prepared = simulation.prepare(self.model, self.given(1e-9))
+
+    def given(self, tolerance: float, **more: Any) -> SettingsOverrides:
+        """Return the settings of a run that are not those of the model."""
+        times = tuple(self.case.times)
+        return SettingsOverrides(
+            times=times, rtol=tolerance, atol=tolerance, method=self.method, **more
+        )
 
     def settings(self, tolerance: float, **more: Any) -> Settings:
         """Return the complete settings of a run."""
-        times = tuple(self.case.times)
-        given = SettingsOverrides(
-            times=times, rtol=tolerance, atol=tolerance, method=self.method, **more
-        )
-        return resolve(given, self.model.settings)
+        return resolve(self.given(tolerance, **more), self.model.settings)
 
     def at(self, setting: float, **more: Any) -> _Ready:
         """Prepare a run at a tolerance."""
