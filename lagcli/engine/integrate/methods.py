@@ -11,7 +11,6 @@ Prices are those of `lagcli.engine.integrate.prices`: the same run always takes 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -54,6 +53,8 @@ _FEWEST = 200
 _SMOOTH = 2.0
 #: The largest step of Taylor's method times the largest eigenvalue, at the boundary of stability.
 _STABLE = 8.0
+#: How many times as long as those of DOP853 Taylor's steps are at most, where nothing limits them.
+_FARTHEST = 100.0
 #: A method replaces another only if it is expected to cost less than this part.
 _CHEAPER = 0.9
 #: What an implicit method must save at least, in preparations: whether it suits is not known yet.
@@ -291,7 +292,7 @@ class Methods:
         """Return how many times as long as the last step of DOP853 stable steps of Taylor's method
         may be."""
         rate: float = report.rate * (report.t - report.t_old)
-        return _STABLE / rate if rate > 0 else math.inf
+        return _STABLE / max(rate, _STABLE / _FARTHEST)
 
     def _taken(self, report: lag_report) -> tuple[int, float, float]:
         """Return the number of steps since the last review, and the evaluations and examined states
