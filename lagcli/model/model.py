@@ -611,6 +611,11 @@ class Model:
         return tuple(c.name for c in self.constraints)
 
     @property
+    def declared_names(self) -> tuple[str, ...]:
+        """Names of the coordinates, parameters, definitions and inputs."""
+        return (*self.coordinate_names, *self.parameters, *self.definitions, *self.inputs)
+
+    @property
     def initial(self) -> dict[str, InitialValue]:
         """The initial values by the names of coordinates and velocities (``q'``): a copy. `load`
         with ``set_initial`` changes them."""

@@ -185,7 +185,7 @@ typedef struct {
     int count;                         /* 0: there are none */
     lag_tape tape;                     /* of (t, q, v, p) */
     lag_jet_tape jets;
-    double *scale;                     /* count: their largest values in the run; 0: unbounded */
+    double *scale;                     /* count: their largest values in the run; 0: none was found */
     int *singular;                     /* count: whether they have no bounds even at the beginning of the step */
     double start, end, step;           /* steps up to this resolve them between these times */
 } lag_resolution;

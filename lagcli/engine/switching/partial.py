@@ -79,6 +79,7 @@ class PartialFunctions:
         self._sign(op, to, operands)
 
     def _select(self, to: int, operands: list[int]) -> None:
+        """Track a choice; exclude its comparisons if its values may be undefined beyond them."""
         condition, *values = operands
         risky, divisors = _union(self._risky, values), _union(self._divisors, values)
         compared = self._compared.get(condition, _NOTHING)

@@ -8,7 +8,6 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.operations import ARITY
 from lagcli.engine.tape.tape import Tape
 
 #: Number of random starts; largest number of Newton steps, and relative accuracy; step of
@@ -39,7 +38,7 @@ def lines_across(
     every = tape._replace(outputs=tuple(range(tape.registers)))
     run = ScalarTape(every.selected([*pair, *others]))
     moving = tape.inputs - tape.functions.size - len(p)
-    needed = [i for i in _inputs_of(tape, pair) if i < moving]
+    needed = sorted(i for i in tape._replace(outputs=pair).read if i < moving)
     rng = np.random.default_rng(0)
     for _ in range(_STARTS):
         found = _point(lambda x: run((*x.tolist(), *p)), needed, rng.normal(size=moving))
@@ -78,12 +77,3 @@ def _point(
             return x, gradient * (1 + np.abs(x[needed]).max()) / np.sqrt(square)
         x = x - step
     return None
-
-
-def _inputs_of(tape: Tape, registers: Sequence[int]) -> list[int]:
-    """Return the inputs on which some registers depend."""
-    needed = set(registers)
-    for op, to, *operands in reversed(tape.code):
-        if to in needed:
-            needed.update(operands[: ARITY[op]])
-    return sorted(i for i in needed if i < tape.inputs)

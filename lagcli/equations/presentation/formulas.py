@@ -58,10 +58,7 @@ class Signs:
         from lagcli.equations.typesetting.notation import LATEX_GREEK, SCRIPT, letter
 
         self.model = model
-        taken = {
-            *(*model.coordinate_names, *model.parameters),
-            *(*model.definitions, *model.inputs),
-        }
+        taken = frozenset(model.declared_names)
         letters = {letter(name) for name in taken}
         capitals = (
             Sign(SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVLMBJ"

@@ -187,7 +187,7 @@ def quantity_of(
 
 def _free_names(model: Model) -> tuple[str, str]:
     """Return the letter of momenta and the name of Jacobi's integral, which the model lacks."""
-    taken = {*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs}
+    taken = frozenset(model.declared_names)
     letters = ("p", "P", "momentum")
     free = (x for x in letters if taken.isdisjoint(f"{x}_{q}" for q in model.coordinate_names))
     return next(free, letters[0]), next((x for x in ("h", "H") if x not in taken), "jacobi")

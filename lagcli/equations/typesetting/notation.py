@@ -198,9 +198,8 @@ class Notation:
     """
 
     def __init__(self, model: Model):
-        declared = [*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs]
         latex = {c.name: c.latex for c in model.coordinates if c.latex}
-        self._declare(declared, model.constraint_names, latex)
+        self._declare(model.declared_names, model.constraint_names, latex)
 
     @classmethod
     def of_names(
