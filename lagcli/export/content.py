@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from lagcli.errors import NumericalError, UsageError
 from lagcli.model.expression.trees import Name, walk
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.simulation import Simulation, ready
@@ -61,7 +61,7 @@ class SlopeTape(NamedTuple):
     tape: Tape
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Content:
     """The parts of a model that code contains.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from lagcli.engine.tape.inputs import RESOLUTION, PiecewiseFunction
 from lagcli.engine.tape.operations import Op
@@ -13,7 +14,6 @@ from lagcli.export.content import Content
 from lagcli.export.expressions import Syntax, helpers
 from lagcli.export.names import words
 from lagcli.export.sections import CodeSection, CodeWriter
-from lagcli.named_tuples import NamedTuple
 
 _RESERVED = words(
     "False None True and as assert async await break class continue def del elif else except"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
@@ -17,7 +18,6 @@ from lagcli.export.expressions import (
     assignments,
 )
 from lagcli.export.names import Identifiers
-from lagcli.named_tuples import NamedTuple
 
 
 class LocalVariable(NamedTuple):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -25,7 +26,6 @@ from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.linear import monitored_symmetries
 from lagcli.model.model import TIME
-from lagcli.named_tuples import NamedTuple
 from lagcli.trajectory.samples import Samples, Terms
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import dataclass, replace
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
 from lagcli.engine.lowering.lower import lower
@@ -168,7 +168,7 @@ def _monitored(simulation: Simulation) -> Simulation:
     return replace(simulation, monitor=monitor, seconds=seconds)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Simulation:
     """A prepared run; created by `prepare`.
 

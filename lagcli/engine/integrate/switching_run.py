@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import replace
 from lagcli.engine.constraints.adjustment import HeldRows, adjusted, held_during, impulse_of
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
 from lagcli.engine.contract import (

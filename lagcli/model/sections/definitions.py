@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import partial
+from typing import NamedTuple
 
 from symengine import Basic
 
@@ -35,7 +36,6 @@ from lagcli.model.names.scope import Scope
 from lagcli.model.sections.coordinates import si_unit, value_of
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Scalar, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 
 class _DefinitionEntry(NamedTuple):

@@ -7,13 +7,13 @@ interprets scalars, not YAML's rules for numbers, booleans and dates.
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 import yaml
 
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Mapping, Position, Scalar, Sequence, Source, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
