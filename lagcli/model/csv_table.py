@@ -21,7 +21,6 @@ from lagcli.model.expression.units import (
     to_si,
 )
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.yaml.source import NOT_TEXT
 from lagcli.prose import counted
 
 _DELIMITERS = ",;\t"
@@ -80,14 +79,14 @@ class CsvTable:
                 f"cannot read {path}: it is not text in UTF-8 ({error}); name a CSV file, saved as"
                 " UTF-8"
             ) from None
-        if found := re.search(NOT_TEXT, self.text):
-            before = self._lines(self.text[: found.start()])
+        if "\0" in self.text:
+            *before, line = self._lines(self.text[: self.text.index("\0")])
             raise self._error_at(
                 "not-text",
-                f"the table contains the character U+{ord(found[0]):04X}, which is not text",
+                "the table contains the character U+0000, which is not text",
                 "remove it, or save the table as CSV in UTF-8",
-                len(before),
-                (len(before[-1]), len(before[-1]) + 1),
+                len(before) + 1,
+                (len(line), len(line) + 1),
             )
         first = next(iter(io.StringIO(self.text, newline="")), "")
         if not self.text.strip():

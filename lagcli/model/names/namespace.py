@@ -41,10 +41,20 @@ class Allowed(IntEnum):
 
 
 class Macro(NamedTuple):
-    """A function with its expression; None if the expression has an error."""
+    """A function.
+
+    Parameters
+    ----------
+    arguments : tuple of str
+    tree : Tree or None
+        Its expression; None if that has an error.
+    calls : int
+        Number of calls that have been expanded in it.
+    """
 
     arguments: tuple[str, ...]
     tree: Tree | None
+    calls: int = 0
 
 
 @dataclass(eq=False)

@@ -130,12 +130,11 @@ def test_a_title_that_is_no_field_is_an_error() -> None:
 
 @pytest.mark.parametrize(
     ("text", "place"),
-    [("t,x\0\n0,1\n", (1, 4)), ("t,x\r\n0,1\n2,\x013\n", (3, 3)), ('t,"a\nb",\0\n', (2, 4))],
+    [("t,x\0\n0,1\n", (1, 4)), ("t,x\r\n0,1\n2,\x003\n", (3, 3)), ('t,"a\nb",\0\n', (2, 4))],
 )
-def test_characters_that_are_not_text(text: str, place: tuple[int, int]) -> None:
-    with pytest.raises(FileError, match=r"the character U\+000[01], which is not text") as error:
+def test_nul_is_not_text(text: str, place: tuple[int, int]) -> None:
+    with pytest.raises(FileError, match=r"the character U\+0000, which is not text") as error:
         table(text)
     (diagnostic,) = error.value.diagnostics
     assert diagnostic.location is not None
     assert (diagnostic.location.line, diagnostic.location.column) == place
-    assert table("t,x\t\u0085°\n").titles == ["t", "x\t\u0085°"]
