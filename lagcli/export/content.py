@@ -119,6 +119,13 @@ class Content:
         return tape.selected([*places[layout.position], *places[layout.velocity]])
 
     @cached_property
+    def terms(self) -> Tape:
+        """(t, q, v, p) → sums of the magnitudes of the terms of φ and of ψ."""
+        layout, tape = self.system.constraint_layout, self.system.constraint
+        places = range(len(tape.outputs))
+        return tape.selected([*places[layout.position_scale], *places[layout.velocity_scale]])
+
+    @cached_property
     def report(self) -> Tape:
         """(t, q, v, a, λ, p) → the columns of `columns`."""
         return self.system.report
@@ -182,6 +189,12 @@ class Content:
     def position_places(self) -> tuple[int, ...]:
         """The places of `position_rows` in φ."""
         return tuple(self.system.holonomic.index(i) for i in self.position_rows)
+
+    @property
+    def units(self) -> tuple[int, ...]:
+        """Of each coordinate, the first that is known to have its unit."""
+        first = {j: group[0] for group in self.system.same_unit for j in group}
+        return tuple(first.get(j, j) for j in range(len(self.system.coordinates)))
 
     @property
     def redundant(self) -> tuple[str, ...]:
