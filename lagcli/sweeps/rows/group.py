@@ -217,7 +217,7 @@ class RowGroup:
                 start,
                 lambda: freedom_at(variants.equations, system, start, settings.closed),
             ),
-            *warnings_of(system, p, settings, ended.samples[i], run.steps, ended.changes),
+            *warnings_of(system, p, settings, ended.samples[i], run, ended.changes),
             *run.notes,
         )
 
