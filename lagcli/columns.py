@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
+
+from lagcli.data_classes import dataclass, field, fields
+from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.arrays import Array

@@ -5,7 +5,8 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+
+from lagcli.named_tuples import NamedTuple
 
 
 class SourceLocation(NamedTuple):

@@ -14,7 +14,9 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
+
+from lagcli.named_tuples import NamedTuple
 
 
 class DimensionRule(Enum):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from lagcli.analysis.output.tables import ResultSection
+from lagcli.named_tuples import NamedTuple
 from lagcli.results.metadata import model_title
 
 

@@ -7,7 +7,9 @@ only the standard library.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
+
+from lagcli.named_tuples import NamedTuple
 
 
 class Counts(NamedTuple):

@@ -7,8 +7,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any
 
+from lagcli.named_tuples import NamedTuple
 from lagcli.results.listing import number
 
 _INDEX = re.compile(r"\d+(?=[^\[\]]*\])")

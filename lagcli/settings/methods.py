@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from lagcli.named_tuples import NamedTuple
 
 FORMULATIONS = ("projection", "baumgarte", "index1")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from lagcli.analysis.local.contacts import ContactStatus
 from lagcli.analysis.local.gradients import Point
 from lagcli.arrays import Array
 from lagcli.engine.linear import dense
+from lagcli.named_tuples import NamedTuple
 
 Indices = tuple[int, ...]
 

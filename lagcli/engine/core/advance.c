@@ -12,6 +12,7 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "project.h"
+#include "resolution.h"
 #include "sample.h"
 #include "sizes.h"
 #include "step.h"
@@ -283,6 +284,11 @@ int lag_advance(lag_run *run, int64_t slice)
         const int over = run->watch.mode && lag_stepped_over(run);
         if (over && run->watch.mode == 1) {
             take_back(run, SHORTER);
+            continue;
+        }
+        const double part = lag_resolved_part(run);
+        if (part < 1.0) {
+            take_back(run, part);
             continue;
         }
         run->step.finishing = 1;

@@ -59,7 +59,7 @@ void lag_renew_tapes(lag_run *run)
             lag_tape_set(tapes[i], run->np, run->parameters);
     for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
         sw->enclosure.tapes[i].stale = 1;
-    run->resolution.jets.stale = 1;
+    run->resolution.jets.stale = run->resolution.middle.stale = 1;
     if (run->series.order)
         lag_series_invariant(&run->series);
 }

@@ -185,9 +185,13 @@ typedef struct {
     int count;                         /* 0: there are none */
     lag_tape tape;                     /* of (t, q, v, p) */
     lag_jet_tape jets;
+    int *of_state;                     /* count: whether they depend on q or v, too */
     double *scale;                     /* count: their largest values in the run; 0: none was found */
     int *singular;                     /* count: whether they have no bounds even at the beginning of the step */
     double start, end, step;           /* steps up to this resolve them between these times */
+    int supposed;                      /* whether the step may not resolve those of the state, if this rests */
+    lag_jet_tape middle;               /* jets at the middle of an interval */
+    lag_dense_points motion;           /* of the states that occur in them */
 } lag_resolution;
 
 /* equations.c and project_system.c: the state that a status is about. */

@@ -314,8 +314,10 @@ void lag_archive_run(lag_archive *a, lag_run *run, const lag_method *chosen)
     if (a->use == LAG_READS && !a->damaged) {
         const int stale = run->resolution.jets.stale;
         lag_renew_tapes(run);
-        if (run->resolution.count && !stale)
+        if (run->resolution.count && !stale) {
             lag_jets_refresh(&run->resolution.jets);
+            lag_jets_refresh(&run->resolution.middle);
+        }
         /* the list of watched functions follows from the modes; what it changes beside is read again */
         if (run->switching.used && lag_watch_modes(run, run->step.t, run->step.y, run->step.f) != LAG_RUNNING)
             a->damaged = 1;

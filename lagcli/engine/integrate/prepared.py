@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple, TypeGuard
+from typing import TypeGuard
 
 from lagcli.arrays import Array
 from lagcli.engine.core.program import LONG, Program, assemble
@@ -33,6 +33,7 @@ from lagcli.engine.linear.elimination import (
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
+from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
@@ -266,31 +267,35 @@ def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
     Returns
     -------
     Tape or None
-        (t, q, v, parameters) → their results, then for each whether the branches in which it is
-        used may be those taken; None if there are none.
+        (t, q, v, parameters) → their results; for each whether the branches in which it is used may
+        be those taken; and for each whether it depends on q or v. None if there are none.
     """
     given = [tape for tape in tapes if tape.outputs]
     if not given:
         return None
     parameters = given[0].parameters
     builder = Builder(1 + states + parameters, parameters, functions=given[0].functions)
-    found: dict[tuple[int, int], None] = {}
+    found: dict[tuple[int, ...], None] = {}
     for tape in given:
         first = tape.inputs - tape.rhs_inputs - tape.parameters
         own = [*range(1 + states), *[-1] * (first - 1 - states)]
         own += range(1 + states, 1 + states + parameters)
         outputs = builder.splice(_nonlinear(tape, states, first), own)
-        half = len(outputs) // 2
-        found |= dict.fromkeys(zip(outputs[:half], outputs[half:], strict=True))
+        count = len(outputs) // 3
+        parts = (outputs[k * count : (k + 1) * count] for k in range(3))
+        found |= dict.fromkeys(zip(*parts, strict=True))
     return builder.finish(x for part in zip(*found, strict=True) for x in part) if found else None
 
 
 def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
-    """Return the tape of the operations, and of whether each is used."""
+    """Return the tape of the operations, of whether each is used, and whether of q or v."""
     timed, unknown, results = {0}, {*range(1 + states, parameters)}, []
+    moving = {*range(1, 1 + states)}
     unknown |= {*range(parameters + tape.parameters, tape.inputs)}
     for op, to, a, b, c in tape.code:
         operands = (a, b, c)[: ARITY[op]]
+        if not moving.isdisjoint(operands):
+            moving.add(to)
         if not unknown.isdisjoint(operands):
             unknown.add(to)
         elif not timed.isdisjoint(operands):
@@ -301,13 +306,15 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Tape:
     if not results:
         return tape._replace(outputs=())
     builder = Builder(tape.inputs, tape.parameters, tape.rhs_inputs, tape.functions)
-    always = builder.constant(1.0)
+    always, never = builder.constant(1.0), builder.constant(0.0)
+    of_state = [always if x in moving else never for x in results]
     if all(op != Op.SELECT for op, *_ in tape.code):
         found = builder.splice(tape._replace(outputs=tuple(results)), range(tape.inputs))
-        return builder.finish([*found, *[always] * len(found)])
+        return builder.finish([*found, *[always] * len(found), *of_state])
     place = builder.extend(tape._replace(outputs=tuple(range(tape.registers))))
     taken = _branches(tape, builder, place, unknown)
-    return builder.finish([*(place[x] for x in results), *(taken.get(x, always) for x in results)])
+    used = (taken.get(x, always) for x in results)
+    return builder.finish([*(place[x] for x in results), *used, *of_state])
 
 
 def _branches(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import symengine as se
 from symengine import Basic
 
@@ -17,6 +15,7 @@ from lagcli.equations.reduction.small_systems import (
     operations,
     solutions,
 )
+from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of a numerator or denominator of a closed form.
 LONGEST = 400

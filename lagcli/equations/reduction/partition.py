@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -34,6 +33,7 @@ from lagcli.equations.reduction.small_systems import (
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
 from lagcli.model.model import Model
+from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 

@@ -9,7 +9,9 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from lagcli.named_tuples import NamedTuple
 
 
 class ExpressionError(Exception):

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from lagcli.columns import ColumnName
 from lagcli.equations.typesetting.notation import unit_text
 from lagcli.errors import UsageError
 from lagcli.model.names.members import family_of, split_names
+from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import (
     IMPULSE,

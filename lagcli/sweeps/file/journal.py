@@ -17,12 +17,13 @@ import time
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from lagcli.errors import FileError, UsageError
 from lagcli.files import read_failure, write_failure
+from lagcli.named_tuples import NamedTuple
 from lagcli.results.atomic import sync_folder
 from lagcli.sweeps.row_results import MISSING, Results
 

@@ -82,6 +82,21 @@ static void assemble(lag_run *run, double one, double a, double aa, double *matr
     add_part(matrix, p, nd * s->nc, m->border, one);
 }
 
+/* F_t: of the forces, of B a = gamma, and of the power. */
+static const double *rates_of(const lag_implicit *m)
+{
+    return m->derivatives + m->power_velocity.first + m->power_velocity.count;
+}
+
+int lag_depends_on_time(const lag_run *run)
+{
+    const double *rate = rates_of(run->implicit);
+    for (int i = 0; i < run->system.nq + run->system.nc + 1; ++i)
+        if (rate[i] != 0.0)
+            return 1;
+    return 0;
+}
+
 /* The right side over s, and what the solution then says; x holds M r_v + ... */
 static void right_side(lag_run *run, const double *rv, const double *rq_over_s, double tau,
                        double *x)
@@ -90,7 +105,7 @@ static void right_side(lag_run *run, const double *rv, const double *rq_over_s, 
     const lag_implicit *m = run->implicit;
     const int nq = s->nq, nc = s->nc;
     const double *d = m->derivatives;
-    const double *rate = d + m->power_velocity.first + m->power_velocity.count;
+    const double *rate = rates_of(m);
     for (int i = 0; i < nq + nc; ++i)
         x[i] = tau * rate[i];
     for (int i = nq + nc; i < m->n; ++i)
@@ -181,8 +196,7 @@ void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u)
 {
     lag_implicit *m = run->implicit;
     const int nq = run->system.nq, nc = run->system.nc;
-    const double s = m->shift, *rates = m->derivatives + m->power_velocity.first
-                                        + m->power_velocity.count;
+    const double s = m->shift;
     double *x = m->right_im, rw = r[2 * nq];
     for (int i = 0; i < nq; ++i)
         m->quotient[i] = r[i] / s;
@@ -200,10 +214,10 @@ void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u)
         u[nq + i] = x[i];
         u[i] = m->quotient[i] + x[i] / s;
     }
-    u[2 * nq] = (rw + power_change(run, u, u + nq, x + nq, -s) + tau * rates[nq + nc]) / s;
+    u[2 * nq] = (rw + power_change(run, u, u + nq, x + nq, -s) + tau * rates_of(m)[nq + nc]) / s;
 }
 
-void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
+void lag_shifted_solve_complex(lag_run *run, double *re, double *im, double tau_re, double tau_im)
 {
     lag_implicit *m = run->implicit;
     const int nq = run->system.nq;
@@ -215,8 +229,8 @@ void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
         re[i] = a * p - b * q;
         im[i] = a * q + b * p;
     }
-    right_side(run, re + nq, re, 0.0, x);
-    right_side(run, im + nq, im, 0.0, y);
+    right_side(run, re + nq, re, tau_re, x);
+    right_side(run, im + nq, im, tau_im, y);
     for (int i = 0; i < m->n; ++i) {
         const double p = x[i], q = y[i];
         x[i] = a * p - b * q;
@@ -229,11 +243,12 @@ void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
         re[i] += a * x[i] - b * y[i];
         im[i] += a * y[i] + b * x[i];
     }
+    const double rate = rates_of(m)[nq + run->system.nc];
     /* mu = -s times what the solver returns */
     const double p = power_change(run, re, re + nq, x + nq, -m->shift_re)
-                     + power_change(run, m->zero, m->zero, y + nq, m->shift_im) + re[2 * nq];
+                     + power_change(run, m->zero, m->zero, y + nq, m->shift_im) + re[2 * nq] + tau_re * rate;
     const double q = power_change(run, im, im + nq, y + nq, -m->shift_re)
-                     + power_change(run, m->zero, m->zero, x + nq, -m->shift_im) + im[2 * nq];
+                     + power_change(run, m->zero, m->zero, x + nq, -m->shift_im) + im[2 * nq] + tau_im * rate;
     re[2 * nq] = a * p - b * q;
     im[2 * nq] = a * q + b * p;
 }

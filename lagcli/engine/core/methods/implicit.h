@@ -24,9 +24,12 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f);
 int lag_shift(lag_run *run, double s);
 int lag_shift_complex(lag_run *run, double re, double im);
 
-/* Solve (s - J) u = r + tau F_t; u may be r. */
+/* Whether F_t is not zero. */
+int lag_depends_on_time(const lag_run *run);
+
+/* Solve (s - J) u = r + tau F_t; u may be r, and is r of the complex one. */
 void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u);
-void lag_shifted_solve_complex(lag_run *run, double *re, double *im);
+void lag_shifted_solve_complex(lag_run *run, double *re, double *im, double tau_re, double tau_im);
 
 /* The status if a matrix cannot be factored: LAG_ORDER if a new order of pivots may help, LAG_RUNNING if only a
  * smaller step can. */

@@ -51,7 +51,35 @@ static double continued(const double *d, int n, int m, double x)
                 + radau_defect * start * x * (start - radau_zero) * d[3 * n + m]);
 }
 
-/* Newton's initial guess: the last step's dense output, or zero. */
+/* z = T w, transformed stages to stages; and the inverse. */
+static void transform(const double matrix[3][3], int n, const double *from, double *to)
+{
+    for (int i = 0; i < 3; ++i)
+        for (int m = 0; m < n; ++m)
+            to[i * n + m] = matrix[i][0] * from[m] + matrix[i][1] * from[n + m] + matrix[i][2] * from[2 * n + m];
+}
+
+/* Let z and w be the solution of the equations linearized at the beginning of the step, y' = f + J (y - y_0) + t F_t. */
+static void follow_time(lag_run *run, double h, double *z, double *w)
+{
+    const int n = lag_size(&run->system);
+    double ones[3], tau[3];
+    for (int i = 0; i < 3; ++i) {
+        const double *row = radau_t_inverse[i];
+        ones[i] = row[0] + row[1] + row[2];
+        tau[i] = h * (row[0] * radau_c[0] + row[1] * radau_c[1] + row[2] * radau_c[2]);
+        for (int m = 0; m < n; ++m)
+            w[i * n + m] = ones[i] * run->step.f[m];
+    }
+    lag_shifted_solve(run, w, tau[0], w);
+    lag_shifted_solve_complex(run, w + n, w + 2 * n, tau[1], tau[2]);
+    transform(radau_t, n, w, z);
+}
+
+/*
+ * Newton's initial guess: the last step's dense output; or, without one, zero, at which stiff forces such as the friction
+ * of a belt that speeds up have changed with time: then the guess follows time.
+ */
 static void predict(lag_run *run, double h, double *z, double *w)
 {
     const int n = lag_size(&run->system);
@@ -59,13 +87,13 @@ static void predict(lag_run *run, double h, double *z, double *w)
         for (int i = 0; i < 3; ++i)
             for (int m = 0; m < n; ++m)
                 z[i * n + m] = continued(run->step.dense, n, m, radau_c[i] * h / run->implicit->h_accepted);
+        transform(radau_t_inverse, n, z, w);
+    } else if (lag_depends_on_time(run)) {
+        follow_time(run, h, z, w);
     } else {
         memset(z, 0, 3 * (size_t)n * sizeof(double));
+        memset(w, 0, 3 * (size_t)n * sizeof(double));
     }
-    for (int i = 0; i < 3; ++i)
-        for (int m = 0; m < n; ++m)
-            w[i * n + m] = radau_t_inverse[i][0] * z[m] + radau_t_inverse[i][1] * z[n + m]
-                           + radau_t_inverse[i][2] * z[2 * n + m];
 }
 
 /* F at the stages y + z, transformed, less what w stands for: the right sides of Newton's systems.
@@ -113,7 +141,7 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
         if (defects(run, h, z, w, r))
             return NOT_DEFINED;
         lag_shifted_solve(run, r, 0.0, r);
-        lag_shifted_solve_complex(run, r + n, r + 2 * n);
+        lag_shifted_solve_complex(run, r + n, r + 2 * n, 0.0, 0.0);
         double sum = 0.0;
         for (int i = 0; i < 3; ++i) {
             const double part = norm(run, r + i * n);
@@ -139,13 +167,9 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
             }
         }
         before = fmax(change, DBL_EPSILON);
-        for (int m = 0; m < n; ++m) {
-            for (int i = 0; i < 3; ++i)
-                w[i * n + m] += r[i * n + m];
-            for (int i = 0; i < 3; ++i)
-                z[i * n + m] = radau_t[i][0] * w[m] + radau_t[i][1] * w[n + m]
-                               + radau_t[i][2] * w[2 * n + m];
-        }
+        for (int i = 0; i < 3 * n; ++i)
+            w[i] += r[i];
+        transform(radau_t, n, w, z);
         if (run->implicit->contraction * change <= enough) {
             *iterations = k + 1;
             return CONVERGED;

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "bind.h"
+#include "dense_points.h"
 #include "methods/method.h"
-#include "polynomial.h"
 #include "solution.h"
 #include "step.h"
 #include "switching/crossing.h"
@@ -16,7 +16,6 @@
 
 #define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
-#define POINTS (LAG_MOST_DEGREE + 1)
 #define HELD 1e-13          /* of the largest terms of phi and psi: how far rows that hold may be off zero */
 
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
@@ -63,9 +62,8 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     e->used = used;
     e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
     e->error = lag_doubles(&run->pool, e->count);
-    e->ready = lag_get(&run->pool, (size_t)e->count, sizeof *e->ready);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
-    e->points = lag_doubles(&run->pool, (int64_t)e->count * JET * POINTS);
+    lag_dense_points_bind(&e->dense, &run->pool, e->count, e->state);
     for (int i = 0; i < e->count && !run->pool.failed; ++i)
         e->place[e->state[i]] = i;
 }
@@ -79,16 +77,6 @@ static inline double least(double a, double b)
 static inline double most(double a, double b)
 {
     return a > b ? a : b;
-}
-
-static lag_interval range_of(const double *b, int degree)
-{
-    lag_interval r = {b[0], b[0]};
-    for (int j = 1; j <= degree; ++j) {
-        r.low = least(r.low, b[j]);
-        r.high = most(r.high, b[j]);
-    }
-    return r.low <= r.high ? r : LAG_ANYTHING; /* not so if the last one is undefined */
 }
 
 static lag_interval widened(lag_interval a)
@@ -111,59 +99,15 @@ static lag_interval enclose_between_ends(const lag_run *run, int i, const double
                         q1 - h * v1 / 5.0,
                         q1};
     if (i < nq)
-        return widened(range_of(b, 5));
+        return widened(lag_range_of(b, 5));
     const double cubic[] = {v0, v0 + h * a0 / 3.0, v1 - h * a1 / 3.0, v1};
-    lag_interval r = range_of(cubic, 3);
+    lag_interval r = lag_range_of(cubic, 3);
     for (int j = 1; j < 4; ++j) { /* at the ends, the derivative is v */
         const double slope = 5.0 * (b[j + 1] - b[j]) / h;
         r.low = least(r.low, slope);
         r.high = most(r.high, slope);
     }
     return widened(r);
-}
-
-/* The control points of a state's derivative of some order over its factorial. Those of each order follow from those
- * before. */
-static const double *points_of(lag_run *run, int i, int order)
-{
-    lag_enclosure *e = &run->switching.enclosure;
-    double *b = e->points + (int64_t)i * JET * POINTS;
-    if (!e->ready[i]) {
-        e->degree = run->stepped->control_points(run, e->state[i], b);
-        e->ready[i] = 1;
-    }
-    for (int k = e->ready[i]; k <= order; e->ready[i] = ++k) {
-        const double *one = b + (k - 1) * POINTS, factor = (e->degree - k + 1) / (run->step.h_old * k);
-        for (int j = 0; j <= e->degree - k; ++j)
-            b[k * POINTS + j] = factor * (one[j + 1] - one[j]);
-    }
-    return b + order * POINTS;
-}
-
-/* The range of a polynomial from u to v in [0, 1], by its control points there: de Casteljau. */
-static lag_interval range_within(const double *b, int degree, double u, double v)
-{
-    double w[POINTS], size = fabs(b[0]);
-    w[0] = b[0];
-    for (int j = 1; j <= degree; ++j) {
-        w[j] = b[j];
-        size = most(size, fabs(b[j]));
-    }
-    if (v < 1.0)
-        for (int m = 1; m <= degree; ++m)
-            for (int j = degree; j >= m; --j)
-                w[j] = w[j - 1] + v * (w[j] - w[j - 1]);
-    if (u > 0.0) {
-        const double part = u / v;
-        for (int m = degree; m > 0; --m)
-            for (int j = 0; j < m; ++j)
-                w[j] += part * (w[j + 1] - w[j]);
-    }
-    lag_interval r = range_of(w, degree);
-    const double error = ROUNDING * (degree + 1) * size;
-    r.low -= error;
-    r.high += error;
-    return r;
 }
 
 static int tape_of(enum lag_watched what)
@@ -280,7 +224,7 @@ void lag_enclosure_begin(lag_run *run, const double *f)
     const lag_switching *sw = &run->switching;
     lag_enclosure *e = &run->switching.enclosure;
     e->looked = e->watched = 0;
-    memset(e->ready, 0, (size_t)e->count * sizeof *e->ready);
+    lag_dense_points_begin(&e->dense);
     for (int k = 0; k < sw->watched_count; ++k)
         if (lag_is_enclosed(sw->watched[k].what))
             e->watched |= 1 << tape_of(sw->watched[k].what);
@@ -297,8 +241,7 @@ void lag_enclosure_begin(lag_run *run, const double *f)
         if (run->stepped->uses_slope) {
             *range = enclose_between_ends(run, e->state[i], f);
         } else { /* its dense output costs nothing */
-            const double *b = points_of(run, i, 0);
-            *range = range_within(b, e->degree, 0.0, 1.0);
+            lag_dense_jet(run, &e->dense, i, 0.0, 1.0, 0, range);
         }
     }
 }
@@ -390,11 +333,8 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
         const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
         const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
         for (int i = 0; i < e->count; ++i)
-            for (int m = 0; m <= order && e->used[e->state[i]] >> tape & 1; ++m) {
-                const double *b = points_of(run, i, m);
-                e->jets[(int64_t)JET * i + m] = m <= e->degree ? range_within(b, e->degree - m, u, v)
-                                                            : (lag_interval){0.0, 0.0};
-            }
+            if (e->used[e->state[i]] >> tape & 1)
+                lag_dense_jet(run, &e->dense, i, u, v, order, e->jets + (int64_t)JET * i);
     }
     evaluate(run, e->tapes + tape, a, b, order);
     take_output(run, k, order, out);

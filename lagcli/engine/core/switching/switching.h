@@ -18,6 +18,7 @@
 #define LAGCLI_SWITCHING_H
 
 #include "contact/contact.h"
+#include "dense_points.h"
 #include "tape/interval.h"
 #include "tape/tape.h"
 
@@ -68,9 +69,7 @@ typedef struct {
     lag_interval *jets;                /* count jets: on the interval that is looked at */
     double *error;                     /* count: rounding errors of states that rows hold; of conditions and kinks */
     int held;                          /* whether there are any */
-    int *ready;                        /* count: orders of derivatives whose control points are known */
-    int degree;
-    double *points;                    /* count: control points, and those of the derivatives over factorials */
+    lag_dense_points dense;            /* of the states */
     int64_t work;                      /* coefficients of jets that were evaluated: the cost of the search */
 } lag_enclosure;
 

@@ -697,9 +697,24 @@ void lag_jets_refresh(lag_jet_tape *jets)
     }
 }
 
-void lag_jets_run(lag_jet_tape *jets, int order)
+/* Narrow a jet on an interval by the jet at its middle: each coefficient is that there and what its derivative, the next
+ * one but for a factor, adds until an end. */
+static void narrow(lag_interval *c, const lag_interval *middle, double radius, int order)
 {
-    lag_interval *r = jets->registers, out[JET], other[JET];
+    for (int k = order - 1; k >= 0; --k) {
+        const double reach = lag_interval_size(c[k + 1]) * (k + 1) * radius;
+        const lag_interval about = lag_interval_add(middle[k], (lag_interval){-reach, reach});
+        const lag_interval both = {fmax(c[k].low, about.low), fmin(c[k].high, about.high)};
+        if (both.low <= both.high)
+            c[k] = both;
+    }
+}
+
+/* Evaluate a tape; with jets at the middle of the interval, each result is narrowed. */
+static void run(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order)
+{
+    lag_interval *r = jets->registers, *m = middle ? middle->registers : NULL, out[JET], other[JET];
+    lag_interval at_middle[JET], other_at_middle[JET];
     const size_t size = (size_t)(order + 1) * sizeof *out;
     const int32_t *p = jets->tape->stream.code;
     jets->undefined = 0;
@@ -715,26 +730,53 @@ void lag_jets_run(lag_jet_tape *jets, int order)
             operand x[3] = {{0}, {0}, {0}};
             for (int i = 0; i < operands; ++i)
                 x[i] = next_operand(&p, n);
-            for (int k = 0; k < n; ++k)
-                operate(op, r + JET * place_of(x, k), r + JET * place_of(x + 1, k), r + JET * place_of(x + 2, k),
-                        r + JET * (to + k), order);
+            for (int k = 0; k < n; ++k) {
+                const int64_t a = JET * place_of(x, k), b = JET * place_of(x + 1, k), c = JET * place_of(x + 2, k);
+                operate(op, r + a, r + b, r + c, r + JET * (to + k), order);
+                if (!m)
+                    continue;
+                operate(op, m + a, m + b, m + c, m + JET * (to + k), order);
+                narrow(r + JET * (to + k), m + JET * (to + k), radius, order);
+            }
             continue;
         }
         const int places = places_of[op];
         for (const int32_t *end = p + (int64_t)places * n; p != end; p += places) {
             if (op == OP_SINCOS) {
                 wave_jets(r + (int64_t)JET * p[2], out, other, -1.0, order);
+                if (m) {
+                    wave_jets(m + (int64_t)JET * p[2], at_middle, other_at_middle, -1.0, order);
+                    narrow(out, at_middle, radius, order);
+                    narrow(other, other_at_middle, radius, order);
+                    memcpy(m + (int64_t)JET * p[0], at_middle, size);
+                    memcpy(m + (int64_t)JET * p[1], other_at_middle, size);
+                }
                 memcpy(r + (int64_t)JET * p[0], out, size);
                 memcpy(r + (int64_t)JET * p[1], other, size);
                 continue;
             }
-            const lag_interval *a = r + (int64_t)JET * p[1];
-            const lag_interval *b = places > 2 ? r + (int64_t)JET * p[2] : a, *c = places > 3 ? r + (int64_t)JET * p[3] : a;
-            operate(op, a, b, c, out, order);
-            jets->undefined |= has_no_value(op, a[0], b);
-            memcpy(r + (int64_t)JET * p[0], out, size);
+            const int64_t to = (int64_t)JET * p[0], a = (int64_t)JET * p[1];
+            const int64_t b = places > 2 ? (int64_t)JET * p[2] : a, c = places > 3 ? (int64_t)JET * p[3] : a;
+            operate(op, r + a, r + b, r + c, out, order);
+            jets->undefined |= has_no_value(op, r[a], r + b);
+            if (m) {
+                operate(op, m + a, m + b, m + c, at_middle, order);
+                narrow(out, at_middle, radius, order);
+                memcpy(m + to, at_middle, size);
+            }
+            memcpy(r + to, out, size);
         }
     }
+}
+
+void lag_jets_run(lag_jet_tape *jets, int order)
+{
+    run(jets, NULL, 0.0, order);
+}
+
+void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order)
+{
+    run(jets, middle, radius, order);
 }
 
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
