@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 DEMO := demo
 # what `make bench` compares with, in an environment of its own; what cannot be installed is left out
 BENCH := .venv-bench
+# the environment with what the tests need
+TESTED := $(BIN)/.tested
 PEERS := casadi scikit-sundae heyoka exudyn pydy numba
 WORKERS ?= 2
 # the one that is done first takes from the tests of the other
@@ -27,12 +29,13 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-install: $(BIN)/.installed ## Set up the virtual environment with lagcli and what its tests need
+install: $(BIN)/.installed ## Set up the virtual environment with lagcli
 
 $(BIN)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@# the bytecode of all packages takes most of the time and 100 MB: runs write what they use
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable .
 	@# an editable installation leaves this to the first run, which may not be allowed to
 	$(BIN)/python -m compileall -q lagcli
 	@touch $@
@@ -49,7 +52,7 @@ $(BIN)/.zig: building/core_library.py $(BIN)/.installed
 wasm: $(BIN)/.zig ## Compile the core to WebAssembly, for pages that simulate a model
 	$(BIN)/python building/wasm.py
 
-targets: $(BIN)/.zig ## Compile the core for WebAssembly and five platforms, by ziglang
+targets: $(TESTED) $(BIN)/.zig ## Compile the core for WebAssembly and five platforms, by ziglang
 	$(BIN)/python -m pytest -m slow tests/unit/engine/core/test_targets.py
 
 demo: install ## Derive the slider-crank's equations, simulate it, and write a report on it
@@ -60,15 +63,15 @@ demo: install ## Derive the slider-crank's equations, simulate it, and write a r
 	$(BIN)/lagcli report $(DEMO)/slider_crank.h5 --force --quiet -o $(DEMO)/slider_crank.html
 	@echo
 	@echo "report: $(CURDIR)/$(DEMO)/slider_crank.html"
-	@echo "next:   $(BIN)/lagcli play models/slider_crank.yaml"
+	@echo "next:   $(BIN)/lagcli export models/slider_crank.yaml -o page.html   # a page that simulates"
 
-test: install ## Run the tests
+test: $(TESTED) ## Run the tests; some of them: make test TESTS=tests/cli
 	@# the next run needs the rewritten assertions, which take as long as all imports
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(PARALLEL)
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(PARALLEL) $(TESTS)
 
 # flags of the processor, and the kernels of OpenBLAS that need them: each rounds differently
 KERNELS := sse4_2:Nehalem avx:Sandybridge avx2:Haswell avx512bw:SkylakeX
-test-kernels: install ## Run the tests with each of OpenBLAS' kernels that this processor executes
+test-kernels: $(TESTED) ## Run the tests with each of OpenBLAS' kernels that this processor executes
 	for kernel in $(KERNELS); do \
 	  grep -qw "$${kernel%%:*}" /proc/cpuinfo || continue; \
 	  echo "OPENBLAS_CORETYPE=$${kernel##*:}"; \
@@ -80,7 +83,7 @@ CLEAN_BUILD := rm -rf build/lib.*
 
 # A second build, beside the installed one. Tests marked `bits` are left out, because only without
 # contraction do the core and the reference round alike; others compare values with a tolerance.
-test-fma: install ## Run the core's tests with a core that multiplies and adds in one operation
+test-fma: $(TESTED) ## Run the core's tests with a core that multiplies and adds in one operation
 	@grep -qw fma /proc/cpuinfo || { echo "this processor has no fused multiply-add"; exit 1; }
 	$(CLEAN_BUILD)
 	LAGCLI_CONTRACTION="-ffp-contract=fast -mfma" $(BIN)/python -m pip install --quiet \
@@ -88,10 +91,10 @@ test-fma: install ## Run the core's tests with a core that multiplies and adds i
 	LAGCLI_CONTRACTION=fast PYTHONPATH=build/fma:. $(BIN)/pytest -p no:cacheprovider \
 	  -m "not slow and not fuzz and not bits" $(CORE_TESTS)
 
-fuzz: install ## Run all tests of many damaged files and random cases: make fuzz FUZZ_COUNT=10000
+fuzz: $(TESTED) ## Run all tests of many damaged files and random cases: make fuzz FUZZ_COUNT=10000
 	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests
 
-mutants: install ## Change the code in random places, and count the changes that tests notice: make mutants MUTANTS=100
+mutants: $(TESTED) ## Change the code in random places, and count the changes that tests notice: make mutants MUTANTS=100
 	$(BIN)/python tests/mutation/mutate.py --count $(MUTANTS)
 
 # What an extra of pyproject.toml lists, without building lagcli again
@@ -102,14 +105,20 @@ $(BIN)/.extra-%: $(BIN)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement $@.txt
 	@mv $@.txt $@
 
-lint: $(BIN)/.extra-lint ## Check style, types and spelling
+# the tests run thousands of processes, which share the bytecode; some packages have files that are
+# no Python on purpose
+$(TESTED): $(BIN)/.extra-test
+	$(BIN)/python -m compileall -q -j $(WORKERS) $(VENV)/lib > /dev/null || true
+	@touch $@
+
+lint: $(TESTED) $(BIN)/.extra-lint ## Check style, types and spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md docs lagcli models tests
 	$(BIN)/proselint --config .proselintrc.json check README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md docs
 
-coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
+coverage: $(TESTED) $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
 	@mkdir -p build
 	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=json:build/coverage.json --cov-report=
 	$(BIN)/python tests/support/coverage_by_package.py build/coverage.json
@@ -140,7 +149,7 @@ $(BENCH)/.installed: pyproject.toml
 	done
 	@touch $@
 
-bench: install $(BENCH)/.installed ## Run the long tests; measure beside other programs
+bench: $(TESTED) $(BENCH)/.installed ## Run the long tests; measure beside other programs
 	$(BIN)/python -m pytest -m slow --durations=0
 	$(BIN)/python tests/benchmark/shell_loop.py
 	$(BIN)/python tests/benchmark/sweep_rows.py
@@ -149,17 +158,17 @@ bench: install $(BENCH)/.installed ## Run the long tests; measure beside other p
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
 
-gallery: install ## Make the pictures, animations and reports of the models in docs/gallery
+gallery: $(BIN)/.extra-pictures ## Make the pictures, animations and reports of the models in docs/gallery
 	$(BIN)/python docs/gallery/build.py
 	$(BIN)/python docs/images/build.py
 	$(BIN)/python docs/first_picture.py
 
-docs-check: install ## Run the commands and check the statements of the documentation
+docs-check: $(TESTED) ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs
 
 # A second build, beside the installed one. The interpreter itself is not instrumented, so the
 # runtime libraries are loaded before it, and its own memory pools and leaks are left out.
-sanitize: install ## Run the core's tests with the address and undefined-behaviour sanitizers
+sanitize: $(TESTED) ## Run the core's tests with the address and undefined-behaviour sanitizers
 	$(CLEAN_BUILD)
 	CFLAGS="-O1 -fsanitize=address,undefined -fno-sanitize-recover=all -g" \
 	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
@@ -171,7 +180,7 @@ sanitize: install ## Run the core's tests with the address and undefined-behavio
 # The interpreter and NumPy give valgrind a lot to say about themselves: what counts is what it says
 # about the core, whose frames show its library's name or, with debug information, its files'.
 CORE_FILES := $(shell find lagcli/engine/core -name '*.c' | sed 's|.*/||; s/\.c$$//' | paste -sd '|')
-valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); takes minutes
+valgrind: $(TESTED) ## Run tests of the core under valgrind (Debian: valgrind); takes minutes
 	@mkdir -p build
 	PYTHONMALLOC=malloc valgrind --leak-check=no --error-limit=no --log-file=build/valgrind.log \
 	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/engine/integrate/test_run.py \

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from lagcli.columns import BY_NAME, ResultQuantity, column_names, unit_of_column
-from lagcli.named_tuples import NamedTuple
 
 
 class UnitDataset(NamedTuple):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-
-from lagcli.named_tuples import NamedTuple
+from typing import NamedTuple
 
 
 class SourceLocation(NamedTuple):

@@ -14,9 +14,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from fractions import Fraction
-from typing import Any
-
-from lagcli.named_tuples import NamedTuple
+from typing import Any, NamedTuple
 
 
 class DimensionRule(Enum):

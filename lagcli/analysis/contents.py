@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.analysis.output.tables import ResultSection
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.metadata import model_title
 
 

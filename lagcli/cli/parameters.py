@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from lagcli.cli.quantities import REAL, WHOLE, NumberIn
-from lagcli.named_tuples import NamedTuple
 
 
 class Argument:

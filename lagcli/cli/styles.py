@@ -10,10 +10,9 @@ import re
 import sys
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 from lagcli.cli.streams import fitted, has_colour, tell, text_width, visible
-from lagcli.named_tuples import NamedTuple
 
 
 class Style(IntEnum):

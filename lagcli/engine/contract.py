@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import dataclass, field
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.settings.settings import Settings
 
@@ -145,7 +144,7 @@ class Block(NamedTuple):
         )
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Outcome:
     """Result of an integration: how the run ended, and statistics.
 

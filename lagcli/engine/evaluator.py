@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_ro
 from lagcli.engine.sparse_rows import SparseRows, entries_of
 from lagcli.engine.system import Pattern, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.named_tuples import NamedTuple
 
 #: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.
 _DECADES = 20

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, get_args, overload
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args, overload
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import Layout, part
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.engine.switching.switching import ContactChange

@@ -7,9 +7,7 @@ only the standard library.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
-
-from lagcli.named_tuples import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Counts(NamedTuple):

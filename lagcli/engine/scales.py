@@ -70,7 +70,7 @@ def coordinate_sizes(inertia: Array, jacobian: Array | SparseRows) -> Array:
     jacobian : (nc, nq) array or SparseRows
     """
     known = inertia > 0.0
-    sizes = np.sqrt(_compliance(inertia))
+    sizes = np.sqrt(compliance_of(inertia))
     entries = magnitudes(jacobian)
     while not known.all():
         length = np.sqrt((entries * entries) @ (sizes * sizes))
@@ -132,7 +132,7 @@ def usable(scale: Array) -> Array:
 def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
     """Return 1/M_jj, or 0 without inertia, and √max_j(M_jj x_j²)."""
     moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
-    return _compliance(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
+    return compliance_of(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
 
 
 def _times(matrix: Array | SparseRows, x: Array) -> Array:
@@ -148,7 +148,7 @@ def _largest_by_column(entries: Array | SparseRows, rows: Flags, length: Array) 
     return np.asarray((entries[rows] / length[rows, None]).max(axis=0, initial=0.0))
 
 
-def _compliance(inertia: Array) -> Array:
+def compliance_of(inertia: Array) -> Array:
     """Return 1/M_jj, or 0 without inertia."""
     resists = inertia > 0.0
     return np.where(resists, 1.0 / np.where(resists, inertia, 1.0), 0.0)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import dataclass
 from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, SampleLayout
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.named_tuples import NamedTuple
+from lagcli.prose import counted
 
 if TYPE_CHECKING:
     from lagcli.engine.switching.switching import Switching
@@ -140,7 +140,7 @@ class TangentBlocks(NamedTuple):
         return len(self.motion.dynamics.code) + len(self.tape.code) <= _ONE_STREAM
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class System:
     """The equations M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numerical form.
 
@@ -205,6 +205,11 @@ class System:
     parameter_variation: Callable[[Sequence[str]], ParameterTapes] | None = None
     same_unit: tuple[tuple[int, ...], ...] = ()
     functions: InputFunctions = NO_FUNCTIONS
+
+    def __repr__(self) -> str:
+        coordinates = counted(len(self.coordinates), "coordinate")
+        constraints = counted(len(self.constraints), "constraint")
+        return f"<System: {coordinates}, {constraints}>"
 
     @property
     def held(self) -> int:

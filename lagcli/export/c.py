@@ -19,7 +19,8 @@ _RESERVED = words(
     " inline int long register restrict return short signed sizeof static struct switch typedef"
     " union unsigned void volatile while main M f B gamma position velocity out lambda j0 j1 jn y0"
     " y1 yn NULL INFINITY NAN errno stdin stdout stderr signgam index time NQ NC NH NP NO ROWS"
-    " POSITIONS rows position_rows position_of bounded clipped piece table solve share rate"
+    " POSITIONS NONLINEAR rows position_rows position_of unit terms raise_scales bounded clipped"
+    " piece table solve share rate"
     " solve_constrained slopes S J NX share shares multiply solve_shares slopes_along"
     " share_jacobian abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh sqrt cbrt hypot erf erfc floor ceil fabs fmax fmin fmod round trunc rint"
@@ -59,7 +60,7 @@ def write_c(content: Content) -> str:
     """Return the equations of a model as a program in C."""
     named = (*content.system.coordinates, *content.system.parameters)
     reserved = {*_RESERVED, *(x for x in named if _MACRO.fullmatch(x))}
-    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", reserved, differentiates=True)
+    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", reserved, differentiates=True, projects=True)
     counts, name = content.system.counts, Identifiers(_RESERVED).of(content.model.name)
     own = asset("model.c").replace("model_", f"{name}_").replace("MODEL_", f"{name.upper()}_")
     state, settings = content.start.state, content.settings
@@ -76,6 +77,7 @@ def write_c(content: Content) -> str:
         "NX": 1 + 2 * counts.nq + len(system.parameters),
         "ROWS": len(content.rows),
         "POSITIONS": len(content.position_rows),
+        "NONLINEAR": len(system.nonlinear),
     }
     head = [
         *content.described(),
@@ -93,7 +95,8 @@ def write_c(content: Content) -> str:
         rows=_rows(content),
         helpers="\n".join(_helpers(writer)),
         equations="\n".join(_equations(writer)),
-        constraints="\n".join(_constraints(writer)),
+        constraints="\n".join(_constraints(writer, writer.sections.constraints)),
+        terms="\n".join(_terms(writer)),
         outputs="\n".join(_outputs(writer)),
         slopes="\n".join(_slopes(writer)),
         columns=_strings(content.columns),
@@ -139,6 +142,8 @@ def _rows(content: Content) -> str:
             "/* Constraints that are independent; those of them that are holonomic; their places in"
             " phi. */",
             *(f"static const int {name} = {{{_integers(x)}}};" for name, x in arrays.items()),
+            "/* Of each coordinate, the first that is known to have its unit. */",
+            f"static const int unit[NQ + 1] = {{{_integers(content.units)}}};",
             "",
         ]
     )
@@ -231,8 +236,14 @@ def _equations(writer: CodeWriter) -> list[str]:
     return lines + [f"    gamma[{i}] = {x};" for i, x in enumerate(writer.vector(parts["rhs"]))]
 
 
-def _constraints(writer: CodeWriter) -> list[str]:
-    section, counts = writer.sections.constraints, writer.content.system.counts
+def _terms(writer: CodeWriter) -> list[str]:
+    section = writer.sections.terms
+    assert section is not None
+    return _constraints(writer, section)
+
+
+def _constraints(writer: CodeWriter, section: CodeSection) -> list[str]:
+    counts = writer.content.system.counts
     values = writer.vector(section.assigned.outputs)
     lines = _body(writer, section, ("t", "q", "v", "p"))
     lines += [

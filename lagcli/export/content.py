@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from lagcli.errors import NumericalError, UsageError
 from lagcli.model.expression.trees import Name, walk
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.simulation import Simulation, ready
@@ -61,7 +61,7 @@ class SlopeTape(NamedTuple):
     tape: Tape
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Content:
     """The parts of a model that code contains.
 
@@ -117,6 +117,13 @@ class Content:
         tape = with_rates(self.system)
         places = range(len(tape.outputs))
         return tape.selected([*places[layout.position], *places[layout.velocity]])
+
+    @cached_property
+    def terms(self) -> Tape:
+        """(t, q, v, p) → sums of the magnitudes of the terms of φ and of ψ."""
+        layout, tape = self.system.constraint_layout, self.system.constraint
+        places = range(len(tape.outputs))
+        return tape.selected([*places[layout.position_scale], *places[layout.velocity_scale]])
 
     @cached_property
     def report(self) -> Tape:
@@ -182,6 +189,12 @@ class Content:
     def position_places(self) -> tuple[int, ...]:
         """The places of `position_rows` in φ."""
         return tuple(self.system.holonomic.index(i) for i in self.position_rows)
+
+    @property
+    def units(self) -> tuple[int, ...]:
+        """Of each coordinate, the first that is known to have its unit."""
+        first = {j: group[0] for group in self.system.same_unit for j in group}
+        return tuple(first.get(j, j) for j in range(len(self.system.coordinates)))
 
     @property
     def redundant(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from lagcli.errors import UsageError
 from lagcli.export.content import Content, content_of
 from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 
 #: Residual of the equations, relative to the sum of their terms' magnitudes and added up, above
 #: which a state is solved again with pivots of its own.

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
+from typing import NamedTuple
 
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, ROUNDING, Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.functions import Domain
-from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of an expression that is written where it is used.
 _LONGEST = 10

@@ -11,6 +11,7 @@ import sys
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from lagcli.columns import ColumnName, unit_of_column
@@ -26,7 +27,6 @@ from lagcli.model.expression.units import UnknownUnit, read_unit
 from lagcli.model.model import Model, check_is_model, velocity
 from lagcli.model.result_units import result_units
 from lagcli.model.values import dependent_values
-from lagcli.named_tuples import NamedTuple
 from lagcli.simulations.contacts import refuse_nonlinear_impulses
 from lagcli.simulations.resources import (
     DerivedTape,

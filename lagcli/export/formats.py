@@ -6,10 +6,9 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.export.content import Content

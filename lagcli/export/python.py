@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from lagcli.engine.tape.inputs import RESOLUTION, PiecewiseFunction
 from lagcli.engine.tape.operations import Op
@@ -13,7 +14,6 @@ from lagcli.export.content import Content
 from lagcli.export.expressions import Syntax, helpers
 from lagcli.export.names import words
 from lagcli.export.sections import CodeSection, CodeWriter
-from lagcli.named_tuples import NamedTuple
 
 _RESERVED = words(
     "False None True and as assert async await break class continue def del elif else except"
@@ -160,7 +160,9 @@ class _Module:
         self.content, self.dialect = content, dialect
         reserved = {*_RESERVED, *(f"TABLE_{i}" for i in range(len(content.functions)))}
         own = dialect is NUMPY  # the other libraries differentiate by themselves
-        self.writer = CodeWriter(content, dialect.syntax, "{0}[{1}]", reserved, differentiates=own)
+        self.writer = CodeWriter(
+            content, dialect.syntax, "{0}[{1}]", reserved, differentiates=own, projects=own
+        )
 
     def text(self) -> str:
         content, dialect, system = self.content, self.dialect, self.content.system
@@ -180,7 +182,10 @@ class _Module:
             columns=_names(content.columns),
             helpers="\n".join(self.helpers()),
             equations="\n".join(self.equations()),
-            constraints="\n".join(self.constraints()),
+            constraints="\n".join(self.constraints(self.writer.sections.constraints)),
+            terms="\n".join(self.terms() if dialect is NUMPY else ()),
+            nonlinear=str(bool(system.nonlinear)),
+            units=str([*content.units]),
             outputs="\n".join(self.outputs()),
             solution=dialect.redundant if redundant else dialect.regular,
             slopes="\n".join(self.slopes() if dialect is NUMPY else ()),
@@ -257,9 +262,15 @@ class _Module:
             f"    gamma = {self.vector(writer.vector(parts['rhs']))}",
         ]
 
-    def constraints(self) -> list[str]:
-        """Return the lines of φ and ψ."""
-        section, nh = self.writer.sections.constraints, self.content.system.counts.nh
+    def terms(self) -> list[str]:
+        """Return the lines of the sums of the magnitudes of the terms of φ and ψ."""
+        section = self.writer.sections.terms
+        assert section is not None
+        return self.constraints(section)
+
+    def constraints(self, section: CodeSection) -> list[str]:
+        """Return the lines of φ and ψ, or of other values of the constraints."""
+        nh = self.content.system.counts.nh
         values = self.writer.vector(section.assigned.outputs)
         both = f"{self.vector(values[:nh])}, {self.vector(values[nh:])}"
         return [*self.body(section), f"    return {both}"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
@@ -17,7 +18,6 @@ from lagcli.export.expressions import (
     assignments,
 )
 from lagcli.export.names import Identifiers
-from lagcli.named_tuples import NamedTuple
 
 
 class LocalVariable(NamedTuple):
@@ -73,12 +73,15 @@ class Sections(NamedTuple):
         M, f, B, γ; φ, ψ; energies, powers and outputs.
     slopes : CodeSection, optional
         The entries of `lagcli.export.content.SlopeTape`.
+    terms : CodeSection, optional
+        Sums of the magnitudes of the terms of φ and of ψ.
     """
 
     dynamics: CodeSection
     constraints: CodeSection
     report: CodeSection
     slopes: CodeSection | None = None
+    terms: CodeSection | None = None
 
     @property
     def written(self) -> tuple[CodeSection, ...]:
@@ -117,6 +120,8 @@ class CodeWriter:
         Index of the first entry of an array.
     differentiates : bool
         Whether the code has derivatives of the equations: its language has none of its own.
+    projects : bool
+        Whether the code brings states onto the constraints.
     """
 
     def __init__(
@@ -127,6 +132,7 @@ class CodeWriter:
         reserved: Iterable[str],
         first: int = 0,
         differentiates: bool = False,
+        projects: bool = False,
     ):
         self.content, self.syntax, self.entry, self.first = content, syntax, entry, first
         system = content.system
@@ -145,6 +151,7 @@ class CodeWriter:
             self._section(content.constraints, state),
             self._section(content.report, [*state, *forces]),
             self._section(content.slopes.tape, [*state, *forces]) if differentiates else None,
+            self._section(content.terms, state) if projects else None,
         )
 
     def _of(self, array: str, names: Sequence[str]) -> list[LocalVariable]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from lagcli.columns import ColumnName
@@ -10,7 +11,6 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.still import still_picture
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator

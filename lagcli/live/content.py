@@ -6,7 +6,7 @@ import dataclasses
 import os
 import shlex
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import symengine as se
 
@@ -16,7 +16,6 @@ from lagcli.live.columns import LiveColumns
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.curves import Catalogue
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units

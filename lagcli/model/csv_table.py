@@ -79,6 +79,15 @@ class CsvTable:
                 f"cannot read {path}: it is not text in UTF-8 ({error}); name a CSV file, saved as"
                 " UTF-8"
             ) from None
+        if "\0" in self.text:
+            *before, line = self._lines(self.text[: self.text.index("\0")])
+            raise self._error_at(
+                "not-text",
+                "the table contains the character U+0000, which is not text",
+                "remove it, or save the table as CSV in UTF-8",
+                len(before) + 1,
+                (len(line), len(line) + 1),
+            )
         first = next(iter(io.StringIO(self.text, newline="")), "")
         if not self.text.strip():
             raise FileError(f"{path} is empty; its first line names the columns")
@@ -217,16 +226,29 @@ class CsvTable:
         self, kind: str, message: str, help_: str, line: int, number: int | None = None
     ) -> FileError:
         """Return an error at a line, or at one of its fields."""
-        lines = io.StringIO(self.text, newline=None).read().split("\n")  # as CSV has them
+        lines = self._lines(self.text)
         text = lines[line - 1] if line <= len(lines) else ""
-        start, length = 0, len(text)
+        span = (0, len(text))
         if number is not None:
             # split as written: quoted fields may contain delimiters
             spans = [m.span() for m in re.finditer(rf'(?:"[^"]*"|[^{self.delimiter}])+|(?<=[{self.delimiter}])(?=[{self.delimiter}]|$)|^(?=[{self.delimiter}])', text)]  # fmt: skip # noqa: E501
             if number < len(spans):
-                start, length = spans[number][0], max(1, spans[number][1] - spans[number][0])
-        location = SourceLocation(self.path, line, start + 1, max(1, length), text)
+                span = spans[number]
+        return self._error_at(kind, message, help_, line, span)
+
+    def _error_at(
+        self, kind: str, message: str, help_: str, line: int, span: tuple[int, int]
+    ) -> FileError:
+        start, end = span
+        lines = self._lines(self.text)
+        text = lines[line - 1] if line <= len(lines) else ""
+        location = SourceLocation(self.path, line, start + 1, max(1, end - start), text)
         diagnostic = Diagnostic(kind, message, location, help_)
         error = FileError(diagnostic.render())
         error.diagnostics = [diagnostic]
         return error
+
+    @staticmethod
+    def _lines(text: str) -> list[str]:
+        """Return the lines as CSV has them."""
+        return io.StringIO(text, newline=None).read().split("\n")

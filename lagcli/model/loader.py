@@ -7,10 +7,10 @@ import gc
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lagcli.data_classes import replace
 from lagcli.errors import Diagnostic, ModelError, check_values
 from lagcli.files import shown_path
 from lagcli.model import keys

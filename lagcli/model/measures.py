@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import symengine as se
 from symengine import Basic
@@ -30,7 +30,6 @@ from lagcli.model.names.expansion import expand, rebuilt
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.names.scope import Scope
 from lagcli.model.yaml.source import Scalar, Source
-from lagcli.named_tuples import NamedTuple
 
 _NAME = r"[^\W\d][\w.]*(?:\[[^\]]*\])?"
 _CHANGES = "|".join(get_args(ContactChange))

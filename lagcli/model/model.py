@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName
-from lagcli.data_classes import dataclass, field
 from lagcli.errors import Diagnostic, SourceLocation, check_argument
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
 from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.functions import is_opaque
 from lagcli.model.expression.tensors import Value
 from lagcli.model.expression.trees import Tree
-from lagcli.named_tuples import NamedTuple
+from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:
@@ -526,7 +526,7 @@ class Preset(NamedTuple):
     errors: tuple[Diagnostic, ...] = ()
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A checked model.
 
@@ -576,6 +576,11 @@ class Model:
     spins: Mapping[str, tuple[bool, bool, bool]] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
     presets: tuple[Preset, ...] = ()
+
+    def __repr__(self) -> str:
+        coordinates = counted(len(self.coordinates), "coordinate")
+        constraints = counted(len(self.constraints), "constraint")
+        return f"<Model {self.name}: {coordinates}, {constraints}>"
 
     @property
     def sha256(self) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.yaml.source import Source
+from lagcli.model.yaml.source import NOT_TEXT, Source
 
 _PACKAGE = Path(__file__).parents[1]
 #: Folders in an installed package, and in a checkout.
@@ -65,8 +65,6 @@ MAX_BYTES = 10_000_000
 MAX_WORDS = 1_000_000
 
 _WORD = r"[\w.]+|[^\w\s]"
-#: What YAML excludes, listed: the complement of what it allows takes ten times as long to compile.
-_NOT_TEXT = "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]"
 _IS_IT = "is it a model file at all?"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -184,11 +182,11 @@ def check_text(source: Source) -> None:
             raise ModelError([Diagnostic("too-large", message, location, help_)])
     if all(char.isprintable() or char in "\t\n\r" for char in set(source.text)):
         return
-    match = re.search(_NOT_TEXT, source.text)
+    match = re.search(NOT_TEXT, source.text)
     if match is None:
         return
-    line = next(i for i, text in enumerate(source.lines) if re.search(_NOT_TEXT, text))
-    column = re.search(_NOT_TEXT, source.lines[line])
+    line = next(i for i, text in enumerate(source.lines) if re.search(NOT_TEXT, text))
+    column = re.search(NOT_TEXT, source.lines[line])
     assert column is not None
     raise _not_text(
         shorten(source.path, 200),

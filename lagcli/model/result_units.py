@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from symengine import Symbol
 
 from lagcli.columns import ColumnName
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import TIME, Model, coordinate
-from lagcli.named_tuples import NamedTuple
 
 
 class GivenUnit(NamedTuple):

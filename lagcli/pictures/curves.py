@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from lagcli.equations.typesetting.notation import GREEK, Notation, split
 from lagcli.errors import UsageError
 from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable
 

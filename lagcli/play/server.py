@@ -280,9 +280,9 @@ class Access:
         given = request.path.removeprefix("/").partition("/")[0]
         if not secrets.compare_digest(given.encode(), self.token.encode()):
             return 404
-        origin = request.headers.get("Origin")
-        socket = request.headers.get("Upgrade") is not None
-        if (socket or origin is not None) and origin not in {f"http://{h}" for h in self._hosts}:
+        origins = request.headers.getall("Origin", [])
+        socket = "Upgrade" in request.headers
+        if (socket or origins) and origins not in [[f"http://{host}"] for host in self._hosts]:
             return 403
         return 200
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.trajectory.samples import Array, Record, Samples, Terms

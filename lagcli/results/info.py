@@ -6,13 +6,12 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, ColumnName, impulse_unit
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import (

@@ -7,9 +7,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.listing import number
 
 _INDEX = re.compile(r"\d+(?=[^\[\]]*\])")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.named_tuples import NamedTuple
+from typing import NamedTuple
 
 FORMULATIONS = ("projection", "baumgarte", "index1")
 

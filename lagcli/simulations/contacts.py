@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import replace
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense

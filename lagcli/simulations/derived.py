@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -14,9 +15,10 @@ from lagcli.arrays import Array, Flags
 from lagcli.columns import ColumnName
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block
+from lagcli.engine.evaluator import Entries
 from lagcli.engine.integrate.many_states import Batch
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
-from lagcli.engine.scales import least_scales_of_entries, usable
+from lagcli.engine.scales import compliance_of, least_scales_of_entries, usable
 from lagcli.engine.sparse_rows import in_turns, rows_and_columns
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
@@ -25,8 +27,11 @@ from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.linear import monitored_symmetries
 from lagcli.model.model import TIME
-from lagcli.named_tuples import NamedTuple
 from lagcli.trajectory.samples import Samples, Terms
+
+#: Part of a change in a step: the least scale of what is held. It is far below any motion, which
+#: changes by its size in a few steps, but its rounding errors are not.
+_MOVED = 1e-6
 
 
 class Monitor(NamedTuple):
@@ -121,13 +126,15 @@ class DerivedColumns:
     ----------
     samples : int
         Number of completed samples.
+    steps : int
+        Number of steps of the run, once it is known.
     p : tuple of float
         Values of the parameters from the next sample on, which events may change.
     """
 
     def __init__(self, system: System, p: tuple[float, ...], monitor: Monitor = NO_MONITOR):
         self.system, self.p, self.monitor = system, p, monitor
-        self.samples = 0
+        self.samples = self.steps = 0
         shape = (len(system.constraints), len(system.coordinates))
         order = sorted(system.jacobian_pattern)
         self._terms = Terms.of(order, shape)
@@ -139,13 +146,19 @@ class DerivedColumns:
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
         self._reach = np.zeros(len(system.constraints))
+        self._acceleration = np.zeros(len(system.constraints))  # that a force takes away
         self._times = (math.nan, math.nan)  # of the first and the last sample
 
     @property
     def scale_position(self) -> Array:
-        """Largest scale of each constraint so far, (nc,); NaN for one without position level."""
-        scale = np.full(len(self.system.constraints), np.nan)
-        scale[list(self.system.holonomic)] = usable(self._position_scale)
+        """Largest scale of each constraint so far, (nc,); NaN for one without position level.
+
+        At least a small part of what velocities and forces change in a step: of bodies at rest at
+        q = 0, all terms are rounding errors of that.
+        """
+        scale, held = np.full(len(self.system.constraints), np.nan), list(self.system.holonomic)
+        moved = self._step * (self._velocity_scale + self._step * self._acceleration)
+        scale[held] = usable(np.fmax(self._position_scale, _MOVED * moved[held]))
         return scale
 
     @property
@@ -153,9 +166,10 @@ class DerivedColumns:
         """Largest scale of each velocity constraint so far, (nc,).
 
         At least that of velocities which change the coordinates by their sizes in the time of the
-        samples: of bodies at rest all other terms are rounding errors.
+        samples, and a small part of what forces change in a step: of bodies at rest all other terms
+        are rounding errors.
         """
-        scale = self._velocity_scale
+        scale = np.fmax(self._velocity_scale, _MOVED * self._step * self._acceleration)
         first, last = self._times
         if last > first:
             reach = self._reach.copy()
@@ -163,6 +177,12 @@ class DerivedColumns:
             reach[held] = np.maximum(reach[held], self._position_scale)
             scale = np.fmax(scale, reach / (last - first))
         return usable(scale)
+
+    @property
+    def _step(self) -> float:
+        """Return the mean step, s; 0 if it is not known."""
+        first, last = self._times
+        return (last - first) / self.steps if self.steps and last > first else 0.0
 
     def __call__(self, block: Block) -> Samples:
         """Return the next samples with all columns."""
@@ -190,12 +210,10 @@ class DerivedColumns:
         friction = np.zeros(count)
         for i in self._limited:
             friction += multipliers[i] * (velocity[i] + e.drift[i])
-        equation, mass_diagonal = np.zeros((2, nq, count))
+        equation = np.zeros((nq, count))
         row, column = rows_and_columns(system.mass_pattern)
         for turn in in_turns(row):
             equation[row[turn]] += e.mass_matrix[turn] * a[column[turn]]
-        on_diagonal = row == column
-        mass_diagonal[row[on_diagonal]] = e.mass_matrix[on_diagonal]
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
         velocity_residual = velocity + e.drift
@@ -221,17 +239,12 @@ class DerivedColumns:
         if count:
             self._times = (self._times[0], float(block.time[-1]))
         self.samples += count
-        inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
-        scales = [
-            least_scales_of_entries(inertia, system.jacobian_pattern, e.jacobian, nc, x)
-            for x in (np.ascontiguousarray(block.q.T), v)
-        ]
-        held = scales[0][list(system.holonomic)]
-        self._position_scale = _larger(self._position_scale, np.maximum(e.position_scale, held))
-        self._velocity_scale = _larger(
-            self._velocity_scale, np.maximum(e.velocity_scale, scales[1])
-        )
-        self._reach = _larger(self._reach, scales[0])
+        compliance = self._enlarge(e, block.q, block.v)
+        row, column = rows_and_columns(system.jacobian_pattern)
+        taken = np.zeros((nc, count))  # accelerations that forces of constraints take away
+        for turn in in_turns(row):
+            taken[row[turn]] += np.abs(force[turn] * e.jacobian[turn]) * compliance[column[turn]]
+        self._acceleration = _larger(self._acceleration, taken)
         return Samples(
             coordinates=system.coordinates,
             constraints=system.constraints,
@@ -253,6 +266,31 @@ class DerivedColumns:
             outputs=dict(zip(system.outputs, outputs, strict=True)),
             **reported,
         )
+
+    def add_states(self, t: Array, q: Array, v: Array) -> None:
+        """Take states into the scales that are no samples, as those before impacts."""
+        self._enlarge(Batch(self.system, self.p, t, q, v).entries(), q, v)
+
+    def _enlarge(self, e: Entries, q: Array, v: Array) -> Array:
+        """Enlarge the scales to those of states, (n, nq); return 1/M_jj, or 0, (nq, n)."""
+        system = self.system
+        row, column = rows_and_columns(system.mass_pattern)
+        on_diagonal = row == column
+        mass_diagonal = np.zeros((len(system.coordinates), len(q)))
+        mass_diagonal[row[on_diagonal]] = e.mass_matrix[on_diagonal]
+        inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
+        pattern, nc = system.jacobian_pattern, len(system.constraints)
+        scales = [
+            least_scales_of_entries(inertia, pattern, e.jacobian, nc, np.ascontiguousarray(x.T))
+            for x in (q, v)
+        ]
+        held = scales[0][list(system.holonomic)]
+        self._position_scale = _larger(self._position_scale, np.maximum(e.position_scale, held))
+        self._velocity_scale = _larger(
+            self._velocity_scale, np.maximum(e.velocity_scale, scales[1])
+        )
+        self._reach = _larger(self._reach, scales[0])
+        return compliance_of(inertia)
 
 
 def _larger(scale: Array, scales: Array) -> Array:

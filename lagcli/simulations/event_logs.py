@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.columns import SAMPLED, column_names
 from lagcli.engine.contract import Block, OneSidedLimits, Outcome
-from lagcli.engine.event_entries import OCCURRENCES
+from lagcli.engine.event_entries import OCCURRENCES, EventEntries
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.simulations.derived import DerivedColumns
@@ -19,6 +19,8 @@ from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog, EventRecords
 from lagcli.trajectory.samples import Samples
 
 _EVENT, _REST, _REDUNDANT = (OCCURRENCES.index(x) for x in ("event", "rest", "redundant"))
+#: Number of jumps that are evaluated at a time.
+_JUMPS = 1000
 
 
 def event_log(
@@ -68,6 +70,18 @@ def event_log(
         dtime=entries.part("dtime")[order] if names else np.empty((0, 0)),
         **{name: entries.part(name)[order] for name in vectors},
     )
+
+
+def states_of_jumps(entries: EventEntries) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield t, q and v before and after the entries of a log that change the velocities."""
+    before, after = entries.part("before"), entries.part("after")
+    # the time of a contact that comes to rest is later than its state
+    now = entries.integers("occurrence") != _REST
+    jumps = np.flatnonzero(now & (before != after).any(axis=1))
+    for first in range(0, len(jumps), _JUMPS):
+        some = jumps[first : first + _JUMPS]
+        for v in (before, after):
+            yield entries.part("time")[some], entries.part("q")[some], v[some]
 
 
 def _ended_by_what_follows(time: Array, kinds: Indices, which: Indices) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.errors import NumericalError
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values, independent_parameters
-from lagcli.named_tuples import NamedTuple
 from lagcli.simulations.directions import start_tape
 from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.start import spins_of

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import dataclass, replace
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
+from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
@@ -168,7 +168,7 @@ def _monitored(simulation: Simulation) -> Simulation:
     return replace(simulation, monitor=monitor, seconds=seconds)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Simulation:
     """A prepared run; created by `prepare`.
 
@@ -350,6 +350,7 @@ class Simulation:
             empty = None if self.sensitivity is None else self.sensitivity.no_derivatives
             layout = self.system.sample_layout
             take(Block.of_rows(np.empty((0, layout.size)), layout), empty)
+        _complete(run, columns, trust)
         run.message = message_of(self.equations, run)
         unused = () if self.model.switches else _OF_CONTACTS
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
@@ -414,7 +415,7 @@ def warnings_of(
     p: tuple[float, ...],
     settings: Settings,
     samples: Array,
-    steps: int,
+    run: Outcome,
     changes: ParameterChanges = (),
 ) -> tuple[str, ...]:
     """Return the warnings of a completed run from its samples.
@@ -428,7 +429,7 @@ def warnings_of(
         Complete ones.
     samples : (nt, width) array
         Sample rows, as in `SampleLayout`.
-    steps : int
+    run : Outcome
     changes : sequence of (int, tuple of float), optional
         Samples from which events set other parameter values.
     """
@@ -441,7 +442,19 @@ def warnings_of(
             block = columns(Block.of_rows(rows, layout))
             trust.add(block)
             finite.add(block)
-    return (*trust.warnings(settings, steps, columns), *finite.warnings())
+    _complete(run, columns, trust)
+    return (*trust.warnings(settings, run.steps, columns), *finite.warnings())
+
+
+def _complete(run: Outcome, columns: DerivedColumns, trust: Trust) -> None:
+    """Pass on what is known of a run only at its end."""
+    columns.steps = run.steps
+    if run.events:
+        from lagcli.simulations.event_logs import states_of_jumps
+
+        for states in states_of_jumps(run.events):
+            columns.add_states(*states)
+            trust.add_states(*states)
 
 
 def _block_rows(system: System) -> int:

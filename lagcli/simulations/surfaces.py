@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from lagcli.engine.tape.crossings import lines_across
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.named_tuples import NamedTuple
 
 #: Values of a function below this part of its largest terms count as zero; residual of the
 #: combination of both sides, relative to that of one side, while sliding.

@@ -85,6 +85,12 @@ class Trust:
             largest = np.fmax.reduce(np.abs(by_row), axis=1)
             self._residuals[level] = np.fmax(largest_before, largest)
 
+    def add_states(self, t: Array, q: Array, v: Array) -> None:
+        """Take the energies of states that are no samples, as those before impacts."""
+        place, nothing = REPORTED.index("energy_kinetic"), np.zeros((len(t), len(self.constraints)))
+        report = Batch(self.system, self.p, t, q, v).report(np.zeros_like(v), nothing)
+        self.energy = _largest(report[place], self.energy)
+
     def _parts(self, samples: Samples) -> Array:
         """Return the sizes of the terms of T and V, which may cancel, at the first and the last
         sample.

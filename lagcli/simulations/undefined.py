@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from functools import cached_property
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -23,7 +24,6 @@ from lagcli.model.expression.tensors import Tensor, Value
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import NO_INDICES, TIME
 from lagcli.model.names.building import build
-from lagcli.named_tuples import NamedTuple
 
 _NAMED = 8  # largest number of coordinates whose values a message lists
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import symengine as se
@@ -24,7 +24,6 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of
 from lagcli.model.values import dependent_values
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.simulation import Simulation, ready
 from lagcli.simulations.start import find_start, spins_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from lagcli.column_units import NOT_STATED
 from lagcli.columns import (
@@ -22,7 +23,6 @@ from lagcli.model.measures import REDUCTIONS, EventMeasure, event_measures
 from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand
 from lagcli.model.result_units import result_units
-from lagcli.named_tuples import NamedTuple
 
 KIND = "sweep"
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.arrays import Array, Numbers
-from lagcli.named_tuples import NamedTuple
 
 #: Statuses of rows, by number; MISSING does not occur in results.
 STATUSES = ("completed", "failed", "error", "missing")

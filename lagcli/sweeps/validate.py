@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
@@ -12,7 +12,6 @@ from lagcli.files import refuse_same_file
 from lagcli.model.loader import load_text
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InputData, Model
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.columns import (

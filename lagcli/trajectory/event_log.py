@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 #: Modes of switched rows, numbered as `lagcli.engine.switching.switching.RowMode`.

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import Columns
-from lagcli.data_classes import dataclass, field
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
+from lagcli.prose import counted
 
 if TYPE_CHECKING:
     from lagcli.trajectory.event_log import EventLog
@@ -153,6 +153,17 @@ class Samples(Columns):
     dv: Array | None = None
     dmultipliers: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.extent}>"
+
+    @property
+    def extent(self) -> str:
+        """The number of samples and their times, as text: 601 samples from 0 s to 10 s."""
+        number = counted(len(self.time), "sample")
+        return (
+            f"{number} from {self.time[0]:g} s to {self.time[-1]:g} s" if len(self.time) else number
+        )
+
     @property
     def nbytes(self) -> int:
         """Size of the arrays, bytes."""
@@ -219,7 +230,7 @@ class InputTable(NamedTuple):
             raise ValueError(f"the table of {name} has no increasing times and finite values")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
     """Metadata of a run; some of it is only known at the end.
 

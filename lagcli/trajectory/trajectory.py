@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import DERIVATIVES, Columns
-from lagcli.data_classes import dataclass, fields
 from lagcli.trajectory.samples import Record, Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Record, Samples):
     """All samples of one run and its record; see `Samples` and `Record` for the fields."""
+
+    def __repr__(self) -> str:
+        return f"<Trajectory: {self.extent}, {self.status}>"
 
     @property
     def modes(self) -> Indices | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
@@ -12,7 +12,6 @@ from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
 from lagcli.model.names.members import families, family_of
 from lagcli.model.result_units import given_units
-from lagcli.named_tuples import NamedTuple
 
 _LISTED = 12  # names per line
 

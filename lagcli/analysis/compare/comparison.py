@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.methods import FORMULATIONS, METHODS
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.derived import DerivedColumns

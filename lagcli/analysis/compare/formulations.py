@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.linear.dense import least_change
 from lagcli.engine.system import State
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady import ACCEPTED, RANK, Condition, Residual, SteadyProblem
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 
 _ITERATIONS = 12
 _REACHED = 1e-13  # relative to the magnitudes of the terms

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from lagcli.analysis.local.steady_terms import Given, SteadyTerms, check_switchi
 from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model, check_is_model
-from lagcli.named_tuples import NamedTuple
 
 Crossing = Literal["pitchfork", "transcritical", "line of equilibria"]
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, c
 from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import NoStart
 from lagcli.errors import LagcliError, NumericalError, UsageError
-from lagcli.named_tuples import NamedTuple
 from lagcli.sweeps.plan.factors import unit_points
 
 #: Roots closer than this, relative to the coordinates' lengths and the largest multiplier,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from lagcli.analysis.linear.modes import (
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.arrays import Array
-from lagcli.named_tuples import NamedTuple
 
 ComplexArray = NDArray[np.complex128]
 Verdict = Literal["asymptotically stable", "stable", "linearly stable", "unstable", "undecided"]

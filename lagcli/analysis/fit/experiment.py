@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -29,7 +30,6 @@ from lagcli.model.expression.trees import Name, Tree
 from lagcli.model.expression.units import commensurable, remedy, same_dimension
 from lagcli.model.model import DataFile, Model, ObservedQuantity
 from lagcli.model.names.expansion import expand
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings
 from lagcli.simulations.inputs import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import width
 from lagcli.arrays import Array
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted, wrapped
 from lagcli.trajectory.samples import InputTable
 
@@ -62,7 +61,7 @@ class FittedData(NamedTuple):
             return np.asarray((self.model - self.measured) / self.sigmas)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class FitResult:
     """Quantities found from data by least squares; k of them, m observed.
 

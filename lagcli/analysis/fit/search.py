@@ -14,12 +14,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.analysis.fit.experiment import Evaluation, Experiment, FailedRun
 from lagcli.arrays import Array, Flags
-from lagcli.named_tuples import NamedTuple
 
 #: Relative changes of the cost, of the quantities and of the gradient at which a search ends: for
 #: 10⁴ measured values, a change of chi-square by 1e-4, a hundredth of a standard error.

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.analysis.fit.search import Problem
 from lagcli.arrays import Array, Flags
-from lagcli.named_tuples import NamedTuple
 
 #: Singular values below this part of the largest count as zero, with columns of equal length: the
 #: Jacobian is not more accurate.

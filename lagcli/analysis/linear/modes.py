@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from lagcli.analysis.local.operating_point import OperatingPoint, least
 from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
 from lagcli.model.model import Model, check_is_model
-from lagcli.named_tuples import NamedTuple
 
 ComplexArray = NDArray[np.complex128]
 Kind = Literal["neutral", "oscillation", "growing oscillation", "decay", "divergence"]

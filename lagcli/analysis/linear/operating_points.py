@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.system import State
 from lagcli.errors import Diagnostic, NumericalError, UsageError
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import SettingsOverrides
 
 _LISTED = 8

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart
 from lagcli.engine.system import State
 from lagcli.errors import NumericalError
-from lagcli.named_tuples import NamedTuple
 
 #: Changes of the active set after which none is found, and those that a message lists.
 _CHANGES, _LISTED = 60, 8

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import symengine as se
@@ -29,7 +29,6 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model.model import Constraint, Model, multiplier
 from lagcli.model.sections.contacts import abs_multiplier
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from symengine import Basic

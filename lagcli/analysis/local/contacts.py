@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from lagcli.analysis.output.text import entry, listed, without_rounding
 from lagcli.errors import Diagnostic, NumericalError
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 
 ContactState = Literal[
     "open", "touches", "closed", "holds", "slips", "sticks", "at its limit", "released"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from symengine import Basic

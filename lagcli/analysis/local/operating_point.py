@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from lagcli.analysis.local.contacts import ContactStatus
 from lagcli.analysis.local.gradients import Point
 from lagcli.arrays import Array
 from lagcli.engine.linear import dense
-from lagcli.named_tuples import NamedTuple
 
 Indices = tuple[int, ...]
 

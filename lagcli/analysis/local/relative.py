@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from lagcli.arrays import Array
 from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
 from lagcli.equations.symmetry.linear import QUICK
 from lagcli.errors import NumericalError
-from lagcli.named_tuples import NamedTuple
 
 #: Singular values of the fields below this part of the largest are rounding errors.
 _DEPENDENT = 1e-9

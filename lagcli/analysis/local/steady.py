@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.errors import Diagnostic, NumericalError, UsageError
 from lagcli.model.model import RATE, Model
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from symengine import Basic

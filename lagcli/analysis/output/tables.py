@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.analysis.output.text import width
 from lagcli.columns import unit_quotient
-from lagcli.named_tuples import NamedTuple
 
 
 class ModelName(str):

@@ -4,10 +4,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from lagcli.cli.parameters import Argument, CommandParameter
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
 
 Names = Callable[["CommandWords"], Iterable[str]]

@@ -11,7 +11,7 @@ the smallest change in the metric of M. Closed contacts are inequalities in both
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from lagcli.engine.constraints.initial import ConsistentSearch, NoConsistentStat
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.switching.switching import EventRule, RowMode, Switching
-from lagcli.named_tuples import NamedTuple
 
 #: Approaches of contacts below this part of the terms of ψ are rounding errors.
 _NO_SPEED = 1e-11

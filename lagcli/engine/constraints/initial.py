@@ -9,7 +9,7 @@ reported.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from lagcli.engine.linear.elimination import Elimination, NoElimination, order_a
 from lagcli.engine.scales import apart, largest, least_scales, lengths_of_rows, usable
 from lagcli.engine.sparse_rows import SparseRows, entries_of
 from lagcli.engine.system import State, System
-from lagcli.named_tuples import NamedTuple
 
 Level = Literal["position", "velocity"]
 

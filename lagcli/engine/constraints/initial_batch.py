@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
-from lagcli.named_tuples import NamedTuple
 
 _ITERATIONS = 50
 _HALVINGS = 30

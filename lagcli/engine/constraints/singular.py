@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyint, polyval, polyvander
@@ -30,7 +31,6 @@ from lagcli.engine.evaluator import Constraints
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import lengths_of_rows
 from lagcli.engine.sparse_rows import SparseRows
-from lagcli.named_tuples import NamedTuple
 
 Path = Callable[[float], Array]  # time → (q, v, …)
 Project = Callable[[float, Array, Array], tuple[Array, Array]]

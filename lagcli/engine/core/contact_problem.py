@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.named_tuples import NamedTuple
 
 
 class ContactLaw(IntEnum):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import byref, c_int, c_int32, c_int64, c_void_p
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from lagcli.engine.core.structures import (
     lag_stream,
 )
 from lagcli.engine.tape.operations import NODE_VALUES
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.engine.tape.tape import Tape

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.tape import Tape
-from lagcli.named_tuples import NamedTuple
 
 #: Time after which the core returns, s, and the number of step attempts of the first call.
 _SLICE = 0.03

@@ -8,11 +8,9 @@ results are those of a new core, to the last bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.engine.core.switching import SwitchingIntegrator

@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.system import JacobianTapes, System
-from lagcli.named_tuples import NamedTuple
 from lagcli.settings.methods import METHODS
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
 from functools import lru_cache
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 from lagcli.arrays import Array
 from lagcli.engine.core.program import LONG, Program, assemble
@@ -33,7 +33,6 @@ from lagcli.engine.linear.elimination import (
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
-from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.

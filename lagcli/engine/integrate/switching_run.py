@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.data_classes import replace
 from lagcli.engine.constraints.adjustment import HeldRows, adjusted, held_during, impulse_of
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
 from lagcli.engine.contract import (
@@ -247,9 +247,12 @@ class SwitchingIntegration(Integration):
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
+        core = self.core
+        if status == Status.BLOCK_FULL and not core.begun:  # in the midst of the first instant
+            self.collect()
+            return self.handle_status(core.start())
         if status < Status.HAPPENED and self.frozen is None:
             return super().handle_status(status)
-        core = self.core
         if self.frozen is not None:
             self.evaluator.p = (*self.actions.p, *core.branches)
         if status == Status.HAPPENED:

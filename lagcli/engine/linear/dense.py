@@ -9,13 +9,12 @@ singular configuration must not be normalized.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.scales import coordinate_sizes
-from lagcli.named_tuples import NamedTuple
 
 #: Singular values of the row-scaled B below this count as zero. Weaker directions would cause
 #: errors of 1e-16/1e-8 in the accelerations.

@@ -31,6 +31,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache, reduce
 from itertools import accumulate, zip_longest
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,6 @@ from lagcli.engine.sparse_rows import rows_and_columns
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Arithmetic, Tape
-from lagcli.named_tuples import NamedTuple
 
 Rows = list[dict[int, Array]]
 

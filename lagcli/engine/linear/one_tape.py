@@ -8,8 +8,8 @@ operations are merged, so that the matrix is factored once.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from lagcli.data_classes import replace
 from lagcli.engine.layout import Blocks, UnrolledLayout, inputs_of
 from lagcli.engine.linear.elimination import Elimination, unroll
 from lagcli.engine.system import System, TangentBlocks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -14,7 +14,6 @@ from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Constraint, ModelEvent, multiplier
 from lagcli.model.sections.contacts import abs_multiplier
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import Equations

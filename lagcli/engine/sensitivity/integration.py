@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from lagcli.engine.lowering.tangent import TangentTapes
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.system import JacobianTapes, Pattern, State, System, TangentBlocks
 from lagcli.engine.tape.tape import Arithmetic, Tape
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared

@@ -10,6 +10,7 @@ by the smallest change in the metric of M, as in `lagcli.engine.constraints.init
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from lagcli.engine.linear import dense
 from lagcli.engine.lowering.tangent import TangentTapes
 from lagcli.engine.scales import largest, lengths_of_rows, usable
 from lagcli.engine.system import State
-from lagcli.named_tuples import NamedTuple
 
 #: Residuals of the linearized constraints above this part of their scale are contradictions.
 _REACHED = 1e-7

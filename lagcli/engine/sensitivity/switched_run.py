@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import IntEnum
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Builder, Tape
-from lagcli.named_tuples import NamedTuple
 
 #: The method that takes the steps: others have no derivatives of rows that hold or slip.
 METHOD = "DOP853"

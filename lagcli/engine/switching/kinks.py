@@ -8,16 +8,16 @@ changes the side where it vanishes.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
-from lagcli.data_classes import replace
 from lagcli.engine.switching.partial import PartialFunctions
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.system import JacobianTapes, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
-from lagcli.named_tuples import NamedTuple
 
 #: Comparisons.
 RELATIONS = (Op.LT, Op.LE)

@@ -9,13 +9,13 @@ where it vanishes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from lagcli.engine.switching.kinks import RELATIONS, in_order
 from lagcli.engine.switching.partial import PartialFunctions
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.operations import ARITY
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
-from lagcli.named_tuples import NamedTuple
 
 
 class SignedLaws(NamedTuple):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from lagcli.data_classes import replace
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.switching.signs import SignedLaws, with_signs
 from lagcli.engine.system import JacobianTapes, System

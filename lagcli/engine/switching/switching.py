@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence, Set
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from lagcli.data_classes import dataclass
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
-from lagcli.named_tuples import NamedTuple
 
 #: Changes of a contact or a limited row, as named in conditions of events.
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
@@ -145,7 +144,7 @@ class EventRule(NamedTuple):
         return any(what != "p" or index in constraining for what, index in self.targets)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Switching:
     """The switching part of a System. All tapes take (t, q, v, a, λ, parameters) unless stated
     otherwise.

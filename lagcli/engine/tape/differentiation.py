@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.engine.tape.operations import OPERATIONS, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
-from lagcli.named_tuples import NamedTuple
 
 
 class Slope(NamedTuple):

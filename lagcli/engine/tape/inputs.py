@@ -21,13 +21,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.tape.ticks import simplest
-from lagcli.named_tuples import NamedTuple
 
 #: Times closer than this, relative to |t|, coincide; core/step.h has the same value.
 RESOLUTION = 16 * float(np.finfo(float).eps)

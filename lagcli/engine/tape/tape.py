@@ -9,11 +9,10 @@ ready. Equal operations are merged (hash-consing). A tape contains no code.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import ARITY, Op
-from lagcli.named_tuples import NamedTuple
 
 
 class Tape(NamedTuple):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import NamedTuple
 
 from lagcli.arrays import Array
-from lagcli.named_tuples import NamedTuple
 
 #: Numerators and denominators of periods are below this, so that k ticks are counted exactly.
 _LARGEST = 2**31

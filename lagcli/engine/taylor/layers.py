@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.engine.core.program import progressions, series_levels
 from lagcli.engine.tape.operations import INDEXED, LINE, SHORTEST, VECTOR
@@ -24,7 +24,6 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesNode,
     numbered,
 )
-from lagcli.named_tuples import NamedTuple
 
 #: Start of temporary places until the number of the others is known.
 _TEMPORARY = 1 << 24

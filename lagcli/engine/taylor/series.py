@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,7 +48,6 @@ from lagcli.engine.taylor.series_nodes import (
     numbered,
 )
 from lagcli.engine.taylor.sizes import LONG
-from lagcli.named_tuples import NamedTuple
 
 #: Operation, results, operands, as offsets.
 _Node = tuple[int, tuple[int, ...], tuple[int, ...]]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.arrays import Int32
 from lagcli.engine.core.program import nodes_of
 from lagcli.engine.tape.series_operations import SeriesOp
-from lagcli.named_tuples import NamedTuple
 
 
 class UnnamedSeries(NamedTuple):

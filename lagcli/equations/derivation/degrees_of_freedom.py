@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.model.names.members import families
-from lagcli.named_tuples import NamedTuple
 
 
 class RedundantSet(NamedTuple):

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -20,7 +21,6 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations, Row
 from lagcli.equations.derivation.motion import ZERO, Motion
 from lagcli.model.model import TIME
-from lagcli.named_tuples import NamedTuple
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,21 +15,20 @@ Lagrangians, are handled separately: see `quadratic`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName, read_column_name
-from lagcli.data_classes import dataclass
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart, QuadraticTerm
 from lagcli.equations.derivation.recursion import LEAST_RECURSIVE, Velocity, velocities_of
 from lagcli.model import model as symbols
 from lagcli.model.expression.algebra import expand_terms
 from lagcli.model.model import Constraint, Model, check_is_model
-from lagcli.named_tuples import NamedTuple
 
 Row = Mapping[int, Basic]  # nonzero entries by column
 
@@ -83,7 +82,7 @@ class RecursiveEquations(NamedTuple):
     velocities: tuple[Velocity, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """Symbolic equations of motion of a model.
 
@@ -133,6 +132,9 @@ class Equations:
     time_power: Basic
     outputs: Mapping[str, Basic]
     recursive: RecursiveEquations | None = None
+
+    def __repr__(self) -> str:
+        return f"<Equations of {self.model!r}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model, which determines its equations."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Mapping
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -11,7 +12,6 @@ from symengine import Basic
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative, differentiated_apart
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 
 ZERO = se.Integer(0)
 ONE = se.Integer(1)

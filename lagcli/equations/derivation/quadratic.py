@@ -21,13 +21,13 @@ and few distinct sets of links depend on coordinates i and j.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO, Motion, addends
 from lagcli.model.expression.algebra import kinked_in
-from lagcli.named_tuples import NamedTuple
 
 
 class AffineForm(NamedTuple):

@@ -20,14 +20,13 @@ A constraint far along the chain has a full row of B as well. With the velocitie
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.equations.derivation.motion import ONE, ZERO, Motion
 from lagcli.equations.derivation.quadratic import AffineForm, QuadraticForms, QuadraticTerm
-from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import ConstraintEquation

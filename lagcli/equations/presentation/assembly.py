@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas
@@ -41,7 +42,6 @@ from lagcli.equations.reduction.elimination import (
 from lagcli.equations.reduction.partition import CoordinatePartition
 from lagcli.equations.reduction.second_kind import Maggi, second_kind
 from lagcli.equations.typesetting.nodes import Node, Step, Sum, children
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 #: Kinds of equations of motion.

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -39,7 +40,6 @@ from lagcli.equations.typesetting.nodes import (
     sum_of,
 )
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 
 #: Matches the indices of a member: j, N−1, 3.
 _INDICES = re.compile(r"\[([^\]]*)\]")

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import symengine as se
 from symengine import Basic
@@ -15,7 +15,6 @@ from symengine.lib.symengine_wrapper import Boolean
 from lagcli.equations.presentation.formulas import Formulas, Signs
 from lagcli.equations.typesetting.nodes import Entry, Line, Node, Sign, Step, Symbol, symbols_in
 from lagcli.model.names.members import family_of
-from lagcli.named_tuples import NamedTuple
 
 _LETTERS = ("z", "s", "u", "h", "zeta", "xi", "eta")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from symengine import Basic
 
@@ -12,7 +12,6 @@ from lagcli.equations.typesetting.text import grammar_text
 from lagcli.model.expression.grammar import parse
 from lagcli.model.model import Model
 from lagcli.model.names.building import build
-from lagcli.named_tuples import NamedTuple
 
 TermKind = Literal["inertia", "potential", "applied", "constraint"]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import symengine as se
 from symengine import Basic
 
@@ -15,7 +17,6 @@ from lagcli.equations.reduction.small_systems import (
     operations,
     solutions,
 )
-from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of a numerator or denominator of a closed form.
 LONGEST = 400

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -33,7 +34,6 @@ from lagcli.equations.reduction.small_systems import (
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 

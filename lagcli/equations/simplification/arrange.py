@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -71,7 +72,6 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.model import TIME, Model, as_symbols
 from lagcli.model.names.members import family_of
-from lagcli.named_tuples import NamedTuple
 
 
 def writing_order(model: Model) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations, product
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -27,7 +27,6 @@ from lagcli.equations.symmetry.linear import (
 )
 from lagcli.model.expression.algebra import is_zero
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 
 Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]

@@ -25,7 +25,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import cached_property
 from math import gcd, lcm
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -35,7 +35,6 @@ from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.algebra import count_terms, expand_terms
 from lagcli.model.expression.functions import parts_of
 from lagcli.model.model import TIME
-from lagcli.named_tuples import NamedTuple
 
 ONE, TWO = se.Integer(1), se.Integer(2)
 _SMALL_DENOMINATOR = 10**6

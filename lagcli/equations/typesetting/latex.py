@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import groupby
+from typing import NamedTuple
 
 from lagcli.equations.typesetting import nodes as t
 from lagcli.equations.typesetting.nodes import Line, Logical, Node, Relation, Sign, Step, Symbol
@@ -30,7 +31,6 @@ from lagcli.equations.typesetting.writer import (
     spelling_of,
 )
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 
 _RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "=", "⊥": r"\perp"}
 #: Largest numerator, denominator or radicand that is not broken, in characters: half a page wide.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from lagcli.errors import SourceLocation
 from lagcli.functions import FUNCTIONS, DimensionRule
@@ -46,7 +46,6 @@ from lagcli.model.expression.trees import (
     VectorExpr,
     walk,
 )
-from lagcli.named_tuples import NamedTuple
 
 
 class Disagreement(NamedTuple):

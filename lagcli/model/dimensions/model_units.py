@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
 from lagcli.model.dimensions.evaluation import Disagreement, FreeNumber
@@ -22,7 +23,6 @@ from lagcli.model.expression.dimension import (
     unit_of,
 )
 from lagcli.model.names.members import family_of
-from lagcli.named_tuples import NamedTuple
 
 
 class UnitFinding(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import NamedTuple
 
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.deriving import derive_units
@@ -27,7 +28,6 @@ from lagcli.model.names.draft import unit_of as unit_of_node
 from lagcli.model.names.members import family_of
 from lagcli.model.yaml.source import Mapping, Sequence, YamlNode
 from lagcli.model.yaml.source import Scalar as ScalarNode
-from lagcli.named_tuples import NamedTuple
 
 KIND = "units"
 _SHOWN = 6  # largest number of names whose units a message lists

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
-
-from lagcli.named_tuples import NamedTuple
+from typing import NamedTuple
 
 Exponent = int | Fraction
 Factor = Fraction | float  # to SI; exact where the unit allows it, so that 7 mm is 0.007 m

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.model.expression.algebra import constant_value, is_zero
 from lagcli.model.expression.constants import cases
-from lagcli.named_tuples import NamedTuple
 
 Rows = tuple[tuple[Basic, ...], ...]
 Derivative = Callable[[Basic], Basic]

@@ -9,9 +9,7 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from functools import cache
-from typing import Protocol
-
-from lagcli.named_tuples import NamedTuple
+from typing import NamedTuple, Protocol
 
 
 class ExpressionError(Exception):

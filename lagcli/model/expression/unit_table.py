@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from functools import cache
+from typing import NamedTuple
 
 from lagcli.model.expression.dimension import (
     ANGLE,
@@ -21,7 +22,6 @@ from lagcli.model.expression.dimension import (
     Dimension,
     Factor,
 )
-from lagcli.named_tuples import NamedTuple
 
 
 class TableUnit(NamedTuple):

@@ -6,6 +6,7 @@ import math
 import re
 from fractions import Fraction
 from functools import cache
+from typing import NamedTuple
 
 from lagcli.model.expression.dimension import (
     ANGLE,
@@ -19,7 +20,6 @@ from lagcli.model.expression.dimension import (
     whole,
 )
 from lagcli.model.spelling import shorten
-from lagcli.named_tuples import NamedTuple
 
 # The table of other units than the coherent ones is imported when a name is none of them.
 

@@ -327,7 +327,6 @@ class _ExpressionBuilder:
 
     def bounded_exponent(self, base: Basic, exponent: Basic, tree: Tree) -> Basic:
         """Return the exponent, as a float if exact powers with it would be too large."""
-        exact_base = isinstance(base, se.Rational)
         if not isinstance(exponent, se.Rational):
             # the derivative of a^x is a^x log(a) x'
             if isinstance(base, se.Number) and base <= 0 and self.varies(exponent):
@@ -339,9 +338,10 @@ class _ExpressionBuilder:
                 )
             return exponent
         p, q = (int(x) for x in exponent.get_num_den())
+        factor = base.args[0] if isinstance(base, se.Mul) else base  # (x/3)^2 is x^2/9
         bits = 0
-        if exact_base:
-            bits = sum(abs(int(x)).bit_length() for x in base.get_num_den())
+        if isinstance(factor, se.Rational):
+            bits = sum(abs(int(x)).bit_length() for x in factor.get_num_den())
         exact = max(abs(p), q) <= MAX_POWER and bits * abs(p) <= MAX_BITS
         if not exact and (q == 1 or abs(p) > MAX_POWER * q):
             raise error_at(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping as MappingOf
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.data_classes import dataclass, field
 from lagcli.model.diagnostics import Broken, Diagnostics
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
@@ -32,13 +33,12 @@ from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 Entry = tuple[str, Scalar, YamlNode]
 Indices = MappingOf[str, int]
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Draft:
     """A model file that is being read.
 

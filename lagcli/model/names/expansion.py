@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from copy import copy
-from itertools import islice
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import COMPONENTS, parse
@@ -25,12 +25,14 @@ from lagcli.model.expression.trees import (
     SumExpr,
     Tree,
     VectorExpr,
-    walk,
 )
+from lagcli.model.names.dependencies import topological_order
 from lagcli.model.names.namespace import Macro, Namespace
 
-MAX_NODES = 50_000  # of one expression with its functions expanded
-
+# limits of one expression with its functions expanded
+MAX_NODES = 50_000
+MAX_CALLS = 50_000
+MAX_LEVELS = 200  # parts within parts: trees are traversed recursively
 
 #: Built-in macros: the kinetic energy of a rigid body.
 MACROS: Mapping[str, Macro] = {
@@ -41,7 +43,7 @@ MACROS: Mapping[str, Macro] = {
 }
 
 
-def expand(tree: Tree, names: Namespace, inside: tuple[str, ...] = ()) -> Tree:
+def expand(tree: Tree, names: Namespace) -> Tree:
     """Return a tree with functions and components of vectors expanded.
 
     ``body(m, J, r, R)`` and the model's functions are replaced by their expressions, at the
@@ -52,17 +54,39 @@ def expand(tree: Tree, names: Namespace, inside: tuple[str, ...] = ()) -> Tree:
     ----------
     tree : Tree
     names : Namespace
-    inside : tuple of str
-        The function whose expression it is.
 
     Raises
     ------
     ExpressionError
-        A wrong number of arguments, or a function that calls itself.
+        A wrong number of arguments, or too large a result.
     Broken
         The declaration of a function has an error.
     """
-    return _Expansion(names).tree(tree, inside)
+    return _Expansion(names).expanded(tree)
+
+
+def expand_function(function: Macro, names: Namespace) -> Macro:
+    """Return a function whose expression is expanded; see `expand`."""
+    assert function.tree is not None
+    expansion = _Expansion(names)
+    tree = expansion.expanded(function.tree)
+    return Macro(function.arguments, tree, expansion.calls)
+
+
+def functions_called(tree: Tree, names: Namespace) -> dict[str, Tree]:
+    """Return the first call of each function of the model, or macro, in a tree."""
+    calls: dict[str, Tree] = {}
+    stack = [tree]
+    while stack:
+        top = stack.pop()
+        if isinstance(top, CallExpr) and _macro(top.function, names) is not None:
+            calls.setdefault(top.function, top)
+        stack.extend(reversed((*top.parts, *_indices(top))))
+    return calls
+
+
+def _macro(name: str, names: Namespace) -> Macro | None:
+    return names.functions.get(name) or MACROS.get(name)
 
 
 def component_of(name: Name, names: Namespace) -> Tree:
@@ -99,18 +123,45 @@ class _Expansion:
 
     def __init__(self, names: Namespace):
         self.names = names
+        self.expanded_functions: dict[str, Macro] = {}
+        self.calls = 0
 
-    def tree(self, tree: Tree, calls: tuple[str, ...] = ()) -> Tree:
-        """Return an expanded tree; ``calls`` are the functions being expanded."""
+    def expanded(self, tree: Tree) -> Tree:
+        """Return an expanded tree, after the expressions of the functions that it needs."""
+        needs: dict[str, dict[str, Tree]] = {}
+        found = list(functions_called(tree, self.names))
+        while found:
+            name = found.pop()
+            written = _macro(name, self.names)
+            if name not in needs and written is not None and written.tree is not None:
+                needs[name] = functions_called(written.tree, self.names)
+                found += needs[name]
+        for name in topological_order(needs)[0]:
+            written = _macro(name, self.names)
+            assert written is not None
+            # an error is reported where the function is declared
+            with contextlib.suppress(ExpressionError, Broken):
+                self.expanded_functions[name] = self.function(written)
+        self.calls = 0
+        return self.tree(tree)
+
+    def function(self, written: Macro) -> Macro:
+        assert written.tree is not None
+        self.calls = written.calls
+        tree = self.tree(written.tree)
+        return Macro(written.arguments, tree, self.calls)
+
+    def tree(self, tree: Tree) -> Tree:
+        """Return an expanded tree."""
         if isinstance(tree, Name):
             return component_of(tree, self.names)
         if isinstance(tree, CallExpr):
-            macro = self.names.functions.get(tree.function) or MACROS.get(tree.function)
+            macro = _macro(tree.function, self.names)
             if macro is not None:
-                return self.call(tree, macro, calls)
-        return rebuilt(tree, lambda part: self.tree(part, calls))
+                return self.call(tree, macro)
+        return rebuilt(tree, self.tree)
 
-    def call(self, tree: CallExpr, macro: Macro, calls: tuple[str, ...]) -> Tree:
+    def call(self, tree: CallExpr, macro: Macro) -> Tree:
         """Return the expansion of a call, at its position in the text."""
         name, given = tree.function, tree.arguments
         if len(given) != len(macro.arguments):
@@ -121,28 +172,35 @@ class _Expansion:
                 tree,
                 f"write `{name}({', '.join(macro.arguments)})`",
             )
-        if name in calls:
-            cycle = " → ".join(f"`{x}`" for x in (*calls[calls.index(name) :], name))
-            raise error_at(
-                "circular",
-                f"the function `{name}` calls itself: {cycle}",
-                tree,
-                "a function cannot be recursive; a recursive definition of a family can",
-            )
-        if macro.tree is None:
+        expanded = self.expanded_functions.get(name)
+        if expanded is None or expanded.tree is None:
             raise Broken
-        arguments = [self.tree(argument, calls) for argument in given]
-        own = self.tree(macro.tree, (*calls, name))
+        self.calls += 1 + expanded.calls
+        if self.calls > MAX_CALLS:
+            raise _too_large(tree, f"has more than {MAX_CALLS:,} calls")
+        arguments = [self.tree(argument) for argument in given]
         place = tree.start, tree.end
-        made = substituted(own, dict(zip(macro.arguments, arguments, strict=True)), place)
-        if sum(1 for _ in islice(walk(made), MAX_NODES)) == MAX_NODES:
-            raise error_at(
-                "too-large",
-                f"with its functions expanded, the expression has more than {MAX_NODES:,} parts",
-                tree,
-                "define parts of it under `definitions`",
-            )
+        made = substituted(expanded.tree, dict(zip(macro.arguments, arguments, strict=True)), place)
+        _check_size(made, tree)
         return made
+
+
+def _check_size(made: Tree, call: Tree) -> None:
+    """Raise ExpressionError if the expansion of a call has too many parts or levels."""
+    count, level = 0, [made]
+    for _ in range(MAX_LEVELS):
+        count += len(level)
+        if count > MAX_NODES:
+            raise _too_large(call, f"has more than {MAX_NODES:,} parts")
+        level = [part for tree in level for part in tree.parts]
+        if not level:
+            return
+    raise _too_large(call, f"is nested more than {MAX_LEVELS} levels deep")
+
+
+def _too_large(call: Tree, what: str) -> ExpressionError:
+    message = f"with its functions expanded, the expression {what}"
+    return error_at("too-large", message, call, "define parts of it under `definitions`")
 
 
 def substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int]) -> Tree:
@@ -155,7 +213,7 @@ def substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int
                 return rate(given, part.primes) if part.primes else given
             root, dot, rest = part.text.partition(".")
             if dot and root in arguments:  # r.x of an argument r
-                return at(_without_dot(part, root, rest))
+                return at(_without_dot(part, root, rest, place))
             bare = next((b for b in BRACKETS.values() if part.text.endswith(b)), "")
             if bare and part.text.removesuffix(bare) in arguments:  # r[1] of an argument r
                 vector = Name(*place, part.text.removesuffix(bare), part.primes)
@@ -169,18 +227,16 @@ def substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int
     return at(tree)
 
 
-def _without_dot(name: Name, root: str, rest: str) -> Tree:
-    """Return ``r.x`` as the component x of the name ``r``."""
+def _without_dot(name: Name, root: str, rest: str, place: tuple[int, int]) -> Tree:
+    """Return ``r.x`` as the component x of the name ``r``, at the position of the call."""
     for suffix, order in (("_ddot", 2), ("_dot", 1), ("", 0)):
         if rest.endswith(suffix):
             key = rest.removesuffix(suffix)
-            vector = Name(name.start, name.end, root, name.primes + order)
+            vector = Name(*place, root, name.primes + order)
             break
     if key not in COMPONENTS:
-        raise ExpressionError(
-            "syntax", f"`{name.text}` is not a component", name.start, name.end, None
-        )
-    return ComponentExpr(name.start, name.end, vector, key)
+        raise ExpressionError("syntax", f"`{name.text}` is not a component", *place)
+    return ComponentExpr(*place, vector, key)
 
 
 def rate(tree: Tree, order: int) -> Tree:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import KEYWORDS, Span, parse_spans
@@ -15,7 +16,6 @@ from lagcli.model.names.namespace import Allowed
 from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Scalar, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 #: Component and derivative of a member: ``r[1].x'``.
 _AFTER = r"(\.\w+?)?('|_dot)?"

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
@@ -21,7 +21,6 @@ from lagcli.model.expression.trees import (
     Tree,
     walk,
 )
-from lagcli.named_tuples import NamedTuple
 
 _INDEX = re.compile(r"\[(-?\d+)(?:,(-?\d+))?\]")
 _OPEN = re.compile(r"\[,?\]")

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.data_classes import dataclass, field
 from lagcli.errors import SourceLocation
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.tensors import Sized
 from lagcli.model.expression.trees import Name, Tree
-from lagcli.named_tuples import NamedTuple
 
 DOTS = (("_ddot", 2), ("_dot", 1))
 
@@ -41,13 +41,23 @@ class Allowed(IntEnum):
 
 
 class Macro(NamedTuple):
-    """A function with its expression; None if the expression has an error."""
+    """A function.
+
+    Parameters
+    ----------
+    arguments : tuple of str
+    tree : Tree or None
+        Its expression; None if that has an error.
+    calls : int
+        Number of calls that have been expanded in it.
+    """
 
     arguments: tuple[str, ...]
     tree: Tree | None
+    calls: int = 0
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Namespace:
     """The declared names of a model.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -40,7 +41,6 @@ from lagcli.model.names.scope import uses
 from lagcli.model.sections.contacts import ContactFields, has_friction, slip_equation
 from lagcli.model.sections.coordinates import unit_length
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 _EXPANDED = 1000  # largest number of terms of a constraint that is expanded to find cancellations
 _EXAMPLE = "x^2 + y^2 = l^2"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -21,7 +22,6 @@ from lagcli.model.names.namespace import Allowed
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import SourceLocation, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 
 class _Pair(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from fractions import Fraction
+from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.tokens import is_name
@@ -27,7 +28,6 @@ from lagcli.model.names.members import family_of, indices_of
 from lagcli.model.names.namespace import DOTS
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 _OTHER_KEYS = {
     **dict.fromkeys(["forces", "generalized_forces", "F"], "Q"),

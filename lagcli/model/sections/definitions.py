@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import partial
+from typing import NamedTuple
 
 from symengine import Basic
 
@@ -13,14 +14,14 @@ from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import KEYWORDS
 from lagcli.model.expression.tensors import Sized
-from lagcli.model.expression.tokens import is_name
-from lagcli.model.expression.trees import Name, walk
+from lagcli.model.expression.tokens import error_at, is_name
+from lagcli.model.expression.trees import Name, Tree, walk
 from lagcli.model.keys import DEFINITION, OUTPUT, keys_of
 from lagcli.model.model import Definition
 from lagcli.model.names.building import TENSOR_FUNCTIONS, name_errors
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.draft import Draft, Formula, Parsed
-from lagcli.model.names.expansion import MACROS, expand
+from lagcli.model.names.expansion import MACROS, expand_function, functions_called
 from lagcli.model.names.families import (
     Declaration,
     Member,
@@ -35,7 +36,6 @@ from lagcli.model.names.scope import Scope
 from lagcli.model.sections.coordinates import si_unit, value_of
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Scalar, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 
 class _DefinitionEntry(NamedTuple):
@@ -235,24 +235,57 @@ def _head(draft: Draft, key: Scalar) -> tuple[str, tuple[str, ...]] | None:
 
 
 def check_functions(draft: Draft, declared: list[Declaration]) -> None:
-    """Report unknown names in the expressions of functions, and functions that call themselves."""
-    functions = dict(draft.names.functions)
-    for d in declared:
-        macro = functions[d.name]
-        good = False
-        assert isinstance(d.node, Scalar) or macro.tree is None
-        if macro.tree is not None:
-            with draft.report.expression(d.node):
-                tree = expand(macro.tree, draft.names, (d.name,))
-                errors, broken = name_errors(tree, _FunctionScope(draft, d.name, macro))
-                for error in errors:
-                    draft.report.add_expression_error(error, d.node)
-                good = not (errors or broken)
-        if not good:
-            draft.names.functions = {
-                **draft.names.functions,
-                d.name: macro._replace(tree=None),
-            }
+    """Expand the functions that others call, and report errors.
+
+    Reported are unknown names, functions that call themselves, and those that are too large.
+    """
+    names = draft.names
+    functions = names.functions = dict(names.functions)
+    nodes = {d.name: d.node for d in declared}
+    written = {name: functions[name].tree for name in nodes}
+    calls = {
+        name: {} if tree is None else functions_called(tree, names)
+        for name, tree in written.items()
+    }
+    order, cycles = topological_order(calls)
+    for cycle in cycles:
+        if all(functions[name].tree is not None for name in cycle):
+            _report_recursion(draft, cycle, calls, nodes)
+        functions.update({name: functions[name]._replace(tree=None) for name in cycle})
+    for name in order:
+        macro, node = functions[name], nodes[name]
+        if macro.tree is None:
+            continue
+        assert isinstance(node, Scalar)
+        functions[name] = macro._replace(tree=None)
+        with draft.report.expression(node):
+            expanded = expand_function(macro, names)
+            assert expanded.tree is not None
+            errors, broken = name_errors(expanded.tree, _FunctionScope(draft, name, macro))
+            for error in errors:
+                draft.report.add_expression_error(error, node)
+            if not (errors or broken):
+                functions[name] = expanded
+
+
+def _report_recursion(
+    draft: Draft,
+    cycle: list[str],
+    calls: Mapping[str, Mapping[str, Tree]],
+    nodes: Mapping[str, YamlNode],
+) -> None:
+    """Report functions that call each other, at the first call."""
+    name, node = cycle[0], nodes[cycle[0]]
+    assert isinstance(node, Scalar)
+    shown = cycle if len(cycle) <= _SHOWN else [*cycle[:_SHOWN], "…"]
+    chain = " → ".join(f"`{x}`" for x in (*shown, name))
+    error = error_at(
+        "circular",
+        f"the function `{name}` calls itself: {chain}",
+        calls[name][cycle[1 % len(cycle)]],
+        "a function cannot be recursive; a recursive definition of a family can",
+    )
+    draft.report.add_expression_error(error, node)
 
 
 class _FunctionScope(Scope):

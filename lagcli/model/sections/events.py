@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Set
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import symengine as se
 from symengine import Basic
@@ -33,7 +33,6 @@ from lagcli.model.sections.initial import canonical_name
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 _CHANGES: tuple[ContactChange, ...] = get_args(ContactChange)
 _WORDS = re.compile(r"\s*(?P<row>[^\W\d]\w*(?:\[[^\]]*\])?(?:\.\w+)?)\s+(?P<change>[^\W\d]\w*)\s*")

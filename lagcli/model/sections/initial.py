@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.columns import unit_quotient
 from lagcli.errors import SourceLocation
@@ -44,7 +44,6 @@ from lagcli.model.sections.parameters import override_node, report_ambiguous_uni
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 Spins = dict[str, tuple[bool, bool, bool]]

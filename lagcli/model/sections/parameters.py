@@ -6,6 +6,7 @@ import numbers
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -39,7 +40,6 @@ from lagcli.model.sections.definitions import report_cycle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 

@@ -7,8 +7,9 @@ when the file is read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
-from lagcli.data_classes import replace
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
@@ -21,7 +22,6 @@ from lagcli.model.sections.initial import canonical_name, changed_values
 from lagcli.model.sections.parameters import read_parameters
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 
 #: Parameters and initial values that replace those of a file.

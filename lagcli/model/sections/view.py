@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from symengine import Basic
 
@@ -37,7 +37,6 @@ from lagcli.model.sections.coordinates import si_unit
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-from lagcli.named_tuples import NamedTuple
 
 _Kind = Literal["rod", "rope", "spring", "damper", "belt", "guide", "wall", "edge"]
 _SEGMENTS: tuple[tuple[str, _Kind], ...] = (

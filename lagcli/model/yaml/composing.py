@@ -7,13 +7,13 @@ interprets scalars, not YAML's rules for numbers, booleans and dates.
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 import yaml
 
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.spelling import shorten
-from lagcli.model.yaml.source import Mapping, Position, Scalar, Sequence, Source, YamlNode
-from lagcli.named_tuples import NamedTuple
+from lagcli.model.yaml.source import NOT_TEXT, Mapping, Position, Scalar, Sequence, Source, YamlNode
 
 MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
@@ -201,6 +201,8 @@ class _Composer:
             start, end = self.positions(event, event)
             value = event.value.translate(_SHOW)
             scalar = Scalar(self.source, start, end, value, event.style or None)
+            if event.style == '"':
+                self.check_escapes(scalar)
             node: YamlNode = self.without_anchor(scalar) if anchor else scalar
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)
@@ -211,6 +213,16 @@ class _Composer:
             self.open.discard(anchor)
             self.anchors[anchor] = (node, self.count - before)
         return node
+
+    def check_escapes(self, node: Scalar) -> None:
+        """Reject escape sequences of characters that a text cannot contain."""
+        if node.value.isprintable():
+            return
+        if found := re.search(NOT_TEXT, node.value):
+            message = f"this is the character U+{ord(found[0]):04X}, which is not text"
+            help_ = "remove it; single quotes keep a backslash: 'a\\0'"
+            location = node.span(*found.span())
+            raise ModelError([*self.diagnostics, Diagnostic("not-text", message, location, help_)])
 
     def positions(self, first: yaml.Event, last: yaml.Event) -> tuple[Position, Position]:
         start, end = first.start_mark, last.end_mark

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from html import escape
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from lagcli.arrays import Array, Image, Indices
 from lagcli.equations.typesetting.notation import unit_text
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.animation.film import check_film, write_gif, write_mp4
 from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data, with_code

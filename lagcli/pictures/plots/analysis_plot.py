@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import given_units, result_units
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_column, look_of_value, raw
 from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks, power

@@ -9,14 +9,13 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.equations.typesetting.notation import SUPERSCRIPTS
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.results.atomic import check_writable, write_file
 from lagcli.simulations.memory import check_fits

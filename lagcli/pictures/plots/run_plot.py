@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from lagcli.columns import ColumnName
 from lagcli.equations.typesetting.notation import unit_text
 from lagcli.errors import UsageError
 from lagcli.model.names.members import family_of, split_names
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import (
     IMPULSE,

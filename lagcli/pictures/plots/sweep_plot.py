@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import GivenUnit, result_units, stored_units
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import Curve, look_of_value, magnitudes
 from lagcli.pictures.plots.bands import RowBands, band_quantiles

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.metadata import KIND

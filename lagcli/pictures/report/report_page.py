@@ -7,9 +7,9 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from string import Template
+from typing import NamedTuple
 
 from lagcli.arrays import Array
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.page import asset, page, paragraphs, script_data
 from lagcli.pictures.plots.figure import FigureTarget, HeldFigure
 from lagcli.pictures.plots.mode_plot import DRAWN

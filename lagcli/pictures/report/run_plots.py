@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import PANELS, RESIDUALS, SCALARS
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.page import axis_unit

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations, product
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from symengine import Basic, DenseMatrix, Integer, Lambdify, Symbol, expand, pi, sqrt
 
 from lagcli.arrays import Array
-from lagcli.data_classes import replace
 from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
 from lagcli.model.model import Model, Plate, Segment, View, coordinate, velocity
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.scene.masses import base_name, bodies_of, masses, moving_names
 
 #: Matches x, x_A, x1, xA, x[2]; the other coordinates differ only in the first letter.

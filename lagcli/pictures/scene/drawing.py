@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Image
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames

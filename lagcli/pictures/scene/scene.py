@@ -34,13 +34,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.model.model import Plate, Segment
-from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.selection import evenly
 from lagcli.trajectory.event_log import MODES, EventLog
 

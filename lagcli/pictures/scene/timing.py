@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 
 #: Durations of motions that are shown in real time by default, s; others are slowed down or sped
 #: up.

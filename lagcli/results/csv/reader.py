@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from lagcli.columns import (
 )
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.results.csv.gaps import Gaps
 from lagcli.results.csv.sidecar import read_sidecar

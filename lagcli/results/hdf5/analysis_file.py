@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -15,7 +15,6 @@ from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.json_schema import check_json, published_schema
 from lagcli.json_values import json_values
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.hdf5.container import add_array, new_file, set_text
 from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import open_verified

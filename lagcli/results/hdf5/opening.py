@@ -10,12 +10,12 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import h5py
 
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.hdf5.seal import check_seal
 from lagcli.results.hdf5.structure import text_attribute
 from lagcli.trajectory.samples import SCHEMA_VERSION

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from copy import copy
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.hdf5.structure import group, is_texts, numbers, read_texts
 
 

@@ -17,13 +17,12 @@ import time
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.errors import FileError, UsageError
 from lagcli.files import read_failure, write_failure
-from lagcli.named_tuples import NamedTuple
 from lagcli.results.atomic import sync_folder
 from lagcli.sweeps.row_results import MISSING, Results
 

@@ -6,10 +6,9 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.errors import UsageError
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.results.formats import check_target, format_of
 from lagcli.sweeps.file.journal import Journal, check_no_journal, journal_of

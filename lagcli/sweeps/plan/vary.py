@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -27,7 +28,6 @@ from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.names.scope import Scope
 from lagcli.model.sections.initial import stated_unit
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.sweeps.plan import factors
 from lagcli.sweeps.plan.factors import Distribution, TableFactor

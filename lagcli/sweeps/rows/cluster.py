@@ -13,14 +13,13 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Numbers
 from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError, UsageError
-from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.sweeps.plan.plan import Spec
 from lagcli.sweeps.row_results import FAILED, Results

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from lagcli.engine.system import State, System
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
-from lagcli.named_tuples import NamedTuple
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import freedom_at, message_of, warnings_at_start
@@ -218,7 +217,7 @@ class RowGroup:
                 start,
                 lambda: freedom_at(variants.equations, system, start, settings.closed),
             ),
-            *warnings_of(system, p, settings, ended.samples[i], run.steps, ended.changes),
+            *warnings_of(system, p, settings, ended.samples[i], run, ended.changes),
             *run.notes,
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -322,6 +323,78 @@ def test_a_module_simulates_as_lagcli_does(tmp_path: Path) -> None:
     for found, expected in ((q, run.q), (v, run.v), (a, run.a), (multipliers, run.multipliers)):
         assert np.abs(found - expected).max() <= 1e-7 * np.abs(expected).max()
     assert out.shape == (11, len(own.COLUMNS))
+
+
+FOUND = Path(__file__).parents[2] / "found"
+AT_REST = {"xe": 0.254, "ye": 0.439}
+
+
+def arm_at(x: float, y: float, first: float, second: float) -> tuple[float, float]:
+    """Return the angles of an arm with two links whose tip is at a point, by the law of cosines."""
+    bend = math.acos((x * x + y * y - first**2 - second**2) / (2 * first * second))
+    return math.atan2(y, x) - math.atan2(
+        second * math.sin(bend), first + second * math.cos(bend)
+    ), bend
+
+
+@NEEDS_CC
+@pytest.mark.parametrize(
+    ("name", "set"), [("arm_rest", AT_REST), ("arm_rest", {}), ("arm_rest2", AT_REST)]
+)
+def test_driven_mechanisms_come_to_rest(name: str, set: dict[str, Any], tmp_path: Path) -> None:
+    """The angles follow from the constraints alone: to rounding errors, whatever the method."""
+    content = content_of(lagcli.load(FOUND / f"{name}.yaml", set=set))
+    (tmp_path / "arm.c").write_text(write_c(content), "utf-8")
+    subprocess.run(["cc", "-std=c11", "arm.c", "-lm", "-o", "arm"], cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "arm"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    table = np.loadtxt(io.StringIO(done.stdout), delimiter=",", skiprows=1)
+    own = module(write_numpy(content), name)
+    values = own.PARAMETERS
+    expected = arm_at(*(values[x] for x in ("xe", "ye", "l1", "l2")))
+    q, v, *_ = own.simulate(table[:, 0])
+    for end, speed in ((table[-1, 1:3], table[-1, 3:5]), (q[-1], v[-1])):
+        assert np.abs(end - expected).max() <= 1e-12
+        assert np.abs(speed).max() <= 1e-11  # psi is the difference of terms of 30 m/s
+
+
+@NEEDS_CC
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e-6])
+def test_states_at_rest_are_brought_onto_constraints(unit: float, tmp_path: Path) -> None:
+    """Arms of random lengths at random points, one whose velocity is zero there."""
+    content, random = content_of(lagcli.load(FOUND / "arm_rest.yaml")), np.random.default_rng(3)
+    library, own = compiled(write_c(content), tmp_path), module(write_numpy(content), "arm")
+    for _ in range(100):
+        first, second = unit * random.uniform(0.3, 1, 2)
+        r = random.uniform(1.1 * abs(first - second), 0.9 * (first + second))
+        angle = random.uniform(-1, 1)
+        x, y = r * math.cos(angle), r * math.sin(angle)
+        start = dict(zip(("xs", "ys"), unit * random.uniform(-1, 1, 2), strict=True))
+        p = own.values(l1=first, l2=second, xe=x, ye=y, **start)
+        expected = np.array(arm_at(x, y, first, second))
+        q, v = expected + 1e-6 * random.standard_normal(2), 1e-9 * random.standard_normal(2)
+        for end, speed in (own.project(1.0, q, v, p), (q, v)):
+            if end is q:
+                assert library.arm_rest_project(c_double(1.0), *pointers(q, v, p)) == 0
+            np.testing.assert_allclose(end, expected, 0, atol=1e-12)
+            np.testing.assert_allclose(speed, 0, atol=1e-11)  # psi has terms of 30 lengths/s
+        far = own.values(l1=first, l2=second, xe=3 * x, ye=3 * y + 3 * unit, **start)
+        with pytest.raises(ArithmeticError, match="no state on the constraints nearby"):
+            own.project(1.0, q, v, far)
+        assert library.arm_rest_project(c_double(1.0), *pointers(q, v, far)) == 1
+
+
+@NEEDS_CC
+def test_velocities_are_brought_onto_nonlinear_constraints(tmp_path: Path) -> None:
+    content = exported("appell_hamel")
+    library, own = compiled(write_c(content), tmp_path), module(write_numpy(content), "appell")
+    t, q, p = own.START, own.POSITION.copy(), own.values()
+    v = own.VELOCITY + 0.1 * np.abs(own.VELOCITY).max() * np.arange(1, len(q) + 1)
+    assert np.abs(own.constraints(t, q, v, p)[1]).max() > 1e-3
+    for state in (own.project(t, q, v, p), (q, v)):
+        if state[1] is v:
+            assert library.appell_hamel_project(c_double(t), *pointers(q, v, p)) == 0
+        assert np.abs(own.constraints(t, *state, p)[1]).max() <= 1e-14
 
 
 def test_modelica_balances_unknowns_and_equations() -> None:

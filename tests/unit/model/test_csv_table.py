@@ -126,3 +126,15 @@ def test_lines_may_end_in_any_way() -> None:
 def test_a_title_that_is_no_field_is_an_error() -> None:
     with pytest.raises(FileError, match="this is not CSV: field larger than field limit"):
         table("t," + 200_000 * "x" + "\n0,1\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [("t,x\0\n0,1\n", (1, 4)), ("t,x\r\n0,1\n2,\x003\n", (3, 3)), ('t,"a\nb",\0\n', (2, 4))],
+)
+def test_nul_is_not_text(text: str, place: tuple[int, int]) -> None:
+    with pytest.raises(FileError, match=r"the character U\+0000, which is not text") as error:
+        table(text)
+    (diagnostic,) = error.value.diagnostics
+    assert diagnostic.location is not None
+    assert (diagnostic.location.line, diagnostic.location.column) == place

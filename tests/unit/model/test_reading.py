@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lagcli.errors import FileError, ModelError, UsageError
-from lagcli.model.loader import load
+from lagcli.model.loader import load, load_text
 from lagcli.model.reading import check_text, find_model, read_text, shipped_model, shipped_models
 from lagcli.model.yaml.source import Source
 
@@ -65,6 +65,47 @@ def test_characters_that_are_not_text() -> None:
     (diagnostic,) = found.value.diagnostics
     assert diagnostic.location is not None
     assert (diagnostic.location.line, diagnostic.location.column) == (2, 4)
+
+
+MODEL = """name: {name}
+title: {title}
+description: {description}
+coordinates: {{x: {unit}}}
+parameters: {{m: {value}, {key}: 2}}
+outputs: {{o: {output}}}
+T: {T}
+constraints: {{c: {constraint}}}
+initial: {{x: 0, x': 0}}
+"""
+TEXTS = {
+    "name": "a",
+    "title": "a",
+    "description": "a",
+    "unit": "m",
+    "value": "1 kg",
+    "key": "k",
+    "output": "x",
+    "T": "m*x'^2/2",
+    "constraint": "x = 0",
+}
+
+
+@pytest.mark.parametrize("place", TEXTS)
+@pytest.mark.parametrize("escape", ["0", "x00", "u0000", "U00000000", "e", "a", "x7f", "uFFFF"])
+def test_escape_sequences_of_characters_that_are_not_text(place: str, escape: str) -> None:
+    before = f'"{TEXTS[place]}'
+    text = MODEL.format(**TEXTS | {place: rf'{before}\{escape}"'})
+    with pytest.raises(ModelError, match=r"U\+[0-9A-F]{4}, which is not text") as found:
+        load_text(text)
+    (diagnostic,) = found.value.diagnostics
+    assert diagnostic.location is not None
+    where = text.index(f"\\{escape}")
+    line = text.count("\n", 0, where)
+    assert diagnostic.location.line == line + 1
+    assert diagnostic.location.column == where - len("".join(text.splitlines(True)[:line])) + 1
+    load_text(MODEL.format(**TEXTS))
+    if place != "key":  # a blank is text
+        load_text(MODEL.format(**TEXTS | {place: rf'{before}\t"'}))
 
 
 def test_a_name_denotes_a_shipped_model():

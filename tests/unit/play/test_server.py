@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
+from multidict import CIMultiDict
 
 from lagcli.play.server import Access
 
@@ -37,6 +38,21 @@ def request(path: str | None = None, **headers: str) -> web.Request:
 )
 def test_host_and_origin_are_ours(headers: dict[str, str], status: int) -> None:
     assert ACCESS.status(request(**headers)) == status
+
+
+OURS, OTHER = "http://127.0.0.1:8123", "http://example.org"
+
+
+@pytest.mark.parametrize("kind", [{}, {"Upgrade": "websocket"}])
+@pytest.mark.parametrize(
+    "origins", [[OURS, OURS], [OURS, OTHER], [OTHER, OURS], [OURS, ""], [f"{OURS}, {OTHER}"]]
+)
+def test_only_one_origin_is_accepted(kind: dict[str, str], origins: list[str]) -> None:
+    given = CIMultiDict({"Host": "127.0.0.1:8123", **kind})
+    for origin in origins:
+        given.add("Origin", origin)
+    asked = make_mocked_request("GET", f"/{ACCESS.token}/", headers=given)
+    assert ACCESS.status(asked) == 403
 
 
 @pytest.mark.parametrize("path", ["/", "/token/", "//", "/?x"])

@@ -202,6 +202,35 @@ def test_a_direction_cosine_of_a_spinning_body(method: str) -> None:
         assert np.abs(found.outputs[name]).max() < 1e-6
 
 
+@pytest.mark.parametrize("law", ["poisson", "newton"])
+def test_rounding_errors_of_a_body_that_comes_to_rest_are_no_violation(law: str) -> None:
+    """All terms of its constraints are rounding errors of the velocities before the impacts."""
+    run = lagcli.simulate(lagcli.load(FOUND / "rest_warning.yaml"), t_end=1e-3, impacts=law)
+    assert (run.status, run.warnings) == ("completed", ())
+    assert np.abs(run.q).max() <= 1e-15
+    k = run.constraints.index("b")
+    for level in ("position", "velocity"):
+        residual = getattr(run, f"residual_{level}")[:, k]
+        assert np.abs(residual).max() <= 1e-12 * getattr(run, f"scale_{level}")[k]
+
+
+def test_rounding_errors_of_a_body_that_stays_at_rest_are_no_violation() -> None:
+    """Its weight changes the velocities by rounding errors, in a step."""
+    text = """
+coordinates: [x, y]
+T: 0.301*(x'^2 + y'^2)
+V: 4.11*y + 1.3*x
+constraints:
+  left: {expr: 0.7*x + 0.9*y >= 0}
+  right: {expr: -1.3*x + 0.31*y >= 0}
+  both: {expr: -0.6*x + 1.21*y >= 0}
+initial: {x: 0, y: 0, x': 0, y': 0}
+simulation: {t_end: 1, samples: 3}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    assert (run.status, run.warnings) == ("completed", ())
+
+
 def test_an_output_beyond_its_domain() -> None:
     text = OSCILLATOR + "outputs: {tilt: acos(a*x), wall: 1/(x - 1)}"
     found = lagcli.simulate(lagcli.load_text(text))

@@ -24,6 +24,19 @@ simulation: {t_end: 0.5, samples: 6}
 """)
 
 
+def test_objects_describe_themselves_in_one_line() -> None:
+    simulation = prepare(PENDULUM)
+    samples, _, record = parts()
+    assert repr(PENDULUM) == "<Model <text>: 2 coordinates, 1 constraint>"
+    assert repr(simulation.equations) == f"<Equations of {PENDULUM!r}>"
+    assert repr(simulation.system) == "<System: 2 coordinates, 1 constraint>"
+    assert repr(samples) == "<Samples: 6 samples from 0 s to 0.5 s>"
+    run = complete(samples, record)
+    assert repr(run) == "<Trajectory: 6 samples from 0 s to 0.5 s, completed>"
+    empty = replace(samples, time=np.empty(0))
+    assert repr(empty) == "<Samples: 0 samples>"
+
+
 def parts() -> tuple[Samples, list[Samples], Record]:
     """A run's samples, the same in blocks, and its record."""
     blocks: list[Samples] = []

@@ -6,6 +6,7 @@
 
 #define APPROACH 1e-12 /* of the first approach: slower ones end a sequence */
 #define ROUNDING 1e-14 /* of the terms of a velocity */
+#define RESTS 1e4      /* rounding errors: a contact that opens more slowly rests */
 #define SHARED 1e-9    /* of the terms of a velocity: a smaller one, which another share of the impulses gives, is none */
 #define SEQUENCE 200   /* impacts of a sequence per contact, after which the remaining ones occur together */
 
@@ -87,11 +88,13 @@ static int worse(int a, int b)
     return a == LAG_NO_MOTION || b == LAG_NO_MOTION ? LAG_NO_MOTION : a > b ? a : b;
 }
 
-/* Newton's law: the problem of y + e y_before. */
+/* Newton's law: the problem of y + e y_before. What opens is not moved back; of what rests, all velocities are taken as
+ * they are, so that those of redundant contacts do not contradict each other. */
 static int newton(phases *p, const lag_impact *of, double *impulse, double *after)
 {
     for (int i = 0; i < of->n; ++i) {
-        const int bounces = of->law[i] == LAG_UNILATERAL && of->before[i] < 0.0;
+        const int opens = of->before[i] > (of->rounding ? RESTS * of->rounding[i] : 0.0);
+        const int bounces = of->law[i] == LAG_UNILATERAL && !opens;
         p->offset[i] = of->before[i] + (bounces ? of->restitution[i] * of->before[i] : 0.0);
     }
     const int motions = phase(p, of, p->none, p->none);

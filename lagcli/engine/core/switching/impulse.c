@@ -24,6 +24,17 @@ int lag_meets(const lag_run *run, int row)
     return lag_is_closed(run, row) && sw->psi[row] <= lag_no_speed(sw, row);
 }
 
+/* Whether a contact takes part in an impact. By Poisson's law, all that are closed as the instant begins are subject to
+ * its first impact, also those that open: they may have to close again. Newton's law gives those that open no velocity
+ * without a gain of energy. Later impacts of the instant leave out what the ones before have opened. */
+static int takes_part(const lag_run *run, int row, int together)
+{
+    const lag_switching *sw = &run->switching;
+    const int first = !sw->impacts && run->settings.impacts == LAG_POISSON;
+    return lag_meets(run, row)
+           || (lag_is_closed(run, row) && (together || (first && (!sw->begun || sw->mode[row] == LAG_HOLDS))));
+}
+
 int lag_may_act(const lag_run *run, int row, const int *rests)
 {
     const lag_switching *sw = &run->switching;
@@ -119,7 +130,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     for (int i = 0; i < sw->rows; ++i) {
         report->impulse[i] = report->loss[i] = 0.0;
         if (sw->law[i] == LAG_UNILATERAL)
-            report->takes_part[i] = report->together ? lag_is_closed(run, i) : lag_meets(run, i);
+            report->takes_part[i] = takes_part(run, i, report->together);
         else
             report->takes_part[i] = sw->active[i] && (sw->law[i] == LAG_FREE || !(friction_of(sw, i) <= 0.0));
     }
@@ -205,8 +216,8 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const
             p.law[n] = friction[i] < 0.0 ? LAG_FORWARD : LAG_BACKWARD;
             p.limit[1][n] = fabs(friction[i]);
         }
-        p.offset[n] = moves ? sw->psi[i] : 0.0; /* redundant rows contradict each other by less */
-        p.rounding[n] = ROUNDING_ERROR * sw->speed[i];
+        p.offset[n] = moves ? sw->psi[i] : 0.0; /* redundant rows contradict each other by less; then by as much */
+        p.rounding[n] = fmax(ROUNDING_ERROR * sw->speed[i], moves ? 0.0 : fabs(sw->psi[i]));
         p.rows[n++] = i;
     }
     lag_matrix_of(run, n, p.rows, p.matrix);

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import random
+import re
+import time
+from pathlib import Path
+
 import pytest
 
 import lagcli
 from lagcli.errors import ModelError
+from lagcli.functions import FUNCTIONS
 
 MODEL = """
 coordinates: [x, y, z, phi]
@@ -169,6 +175,76 @@ def test_functions_that_double_are_bounded() -> None:
     )
     with pytest.raises(ModelError, match="parts"):
         value("f7(x)", block)
+
+
+FOUND = Path(__file__).parents[3] / "found" / "nested_functions.yaml"
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_calls_are_counted_before_they_are_expanded(backwards: bool) -> None:
+    text = FOUND.read_text()
+    before, block, after = re.split(r"((?:  f\d+\(a\): .*\n)+)", text)
+    lines = block.splitlines(keepends=True)
+    text = before + "".join(reversed(lines) if backwards else lines) + after
+    began = time.process_time()
+    with pytest.raises(ModelError, match="more than 50,000 calls") as caught:
+        lagcli.load_text(text)
+    assert time.process_time() - began < 0.5  # 0.01 s alone
+    (error,) = caught.value.diagnostics
+    assert error.location is not None
+    assert error.location.text.startswith("  f15(a):")  # 2 (2^15 − 1) calls
+    assert error.location.column == 15
+
+
+def chain(levels: int, body: str) -> str:
+    lines = [f"  f{i}(u): {body.format(f'f{i - 1}(u)')}\n" for i in range(1, levels)]
+    return "functions:\n  f0(u): u\n" + "".join(lines)
+
+
+def test_functions_nest_as_deep_as_expressions() -> None:
+    assert value("f199(x)", chain(200, "{} + 1")) == value("x + 199")
+    assert value("f15(x)", chain(16, "f0({})")) == value("x")
+    for body in ("{} + 1", "sin(2*{}) + 1"):
+        with pytest.raises(ModelError, match="nested more than 200 levels") as caught:
+            value("f1000(x)", chain(1001, body))
+        assert len(caught.value.diagnostics) == 1
+
+
+def test_an_error_in_a_function_has_the_place_of_the_call() -> None:
+    functions = "functions:\n  f(u): u.w\n  g(u): 1 + f(u)\n  h(u): l(u)\n  l(u): 2*h(u)"
+    with pytest.raises(ModelError) as caught:
+        value("g(r) + h(x)", functions)
+    places = {d.message: d.location for d in caught.value.diagnostics}
+    component = places.pop("`u.w` is not a component")
+    circular = places.pop("the function `h` calls itself: `h` → `l` → `h`")
+    assert not places
+    assert component is not None
+    assert component.text[component.column - 1 :] == "f(u)"
+    assert circular is not None
+    assert circular.text[circular.column - 1 :] == "l(u)"
+
+
+SAFE = {
+    "asin": "0.3*sin({})",
+    "acos": "0.3*sin({})",
+    "atanh": "0.3*sin({})",
+    "acosh": "2 + sin({})",
+}
+SAFE |= dict.fromkeys(("sqrt", "log", "log10", "log2", "pow"), "2 + sin({})")
+SAFE |= dict.fromkeys(("exp", "exp2", "expm1", "log1p", "sinh", "cosh", "tan"), "sin({})")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_functions_of_functions_are_what_they_stand_for(seed: int) -> None:
+    draw = random.Random(seed)
+    names = draw.sample(sorted(FUNCTIONS), 5)
+    written, meaning = "functions:\n  f0(u): u\n", "x"
+    for i, name in enumerate(names, 1):
+        count = FUNCTIONS[name].fewest
+        form = f"{name}({', '.join([SAFE.get(name, '{}')] * count)})/{i} + y"
+        shown, plain = (form.replace("{}", part) for part in (f"f{i - 1}(u)", f"({meaning})"))
+        written, meaning = f"{written}  f{i}(u): {shown}\n", plain
+    assert value("f5(x)", written) == value(meaning)
 
 
 def test_derivative_of_accelerations_is_rejected_in_outputs() -> None:
