@@ -25,7 +25,7 @@ definitions:
   y_A: r*sin(phi)
   x_B: r*cos(phi) + l*cos(psi)
   y_B: r*sin(phi) - l*sin(psi)
-T: m/2*(x_A'^2 + y_A'^2) + m/2*x_B'^2
+T: m/2*(x_A'^2 + y_A'^2) + m/2*(x_B'^2 + y_B'^2)
 V: m*g*(y_A + y_B)
 constraints:
   guide: r*sin(phi) = l*sin(psi)

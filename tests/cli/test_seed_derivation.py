@@ -59,11 +59,12 @@ r sin φ = l sin ψ
 ẋ_A = −r φ̇ sin φ
 ẏ_A = r φ̇ cos φ
 ẋ_B = −r φ̇ sin φ − l ψ̇ sin ψ
-T = ½ m (ẋ_A² + ẏ_A²) + ½ m ẋ_B² \
-= ½ m [(r φ̇ sin φ)² + (r φ̇ cos φ)²] + ½ m (r φ̇ sin φ + l ψ̇ sin ψ)² \
-= ½ m [r² φ̇² + (r φ̇ sin φ + l ψ̇ sin ψ)²]
+ẏ_B = r φ̇ cos φ − l ψ̇ cos ψ
+T = ½ m (ẋ_A² + ẏ_A²) + ½ m (ẋ_B² + ẏ_B²) \
+= ½ m [(r φ̇ sin φ)² + (r φ̇ cos φ)²] + ½ m [(r φ̇ sin φ + l ψ̇ sin ψ)² + (r φ̇ cos φ − l ψ̇ cos ψ)²] \
+= m r² φ̇² + ½ m l² ψ̇² − m r l φ̇ ψ̇ cos(φ + ψ)
 V = m g (y_A + y_B) = m g (2 r sin φ − l sin ψ)
-L = T − V = ½ m [r² φ̇² + (r φ̇ sin φ + l ψ̇ sin ψ)²] − m g (2 r sin φ − l sin ψ)
+L = T − V = m r² φ̇² + ½ m l² ψ̇² − m r l φ̇ ψ̇ cos(φ + ψ) − m g (2 r sin φ − l sin ψ)
 """
 
 

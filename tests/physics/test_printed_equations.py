@@ -37,7 +37,7 @@ def slider_crank():
     m, r, le, g, tau, c = names("m r l g τ c")
     x = r * cos(phi) + le * cos(psi)
     y = r * sin(phi) - le * sin(psi)
-    kinetic = m * r**2 * phi.diff(T) ** 2 / 2 + m * x.diff(T) ** 2 / 2
+    kinetic = m * (r**2 * phi.diff(T) ** 2 + x.diff(T) ** 2 + y.diff(T) ** 2) / 2
     force = -c * x.diff(T)
     applied = [tau + force * x.diff(phi), force * x.diff(psi)]
     return q, kinetic - m * g * (r * sin(phi) + y), [r * sin(phi) - le * sin(psi)], [], applied

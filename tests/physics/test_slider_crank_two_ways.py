@@ -6,16 +6,19 @@ else does.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import lagcli
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
+FOUND = Path(__file__).parents[1] / "found"
 NAMES = ("slider_crank", "slider_crank_textbook")
 
 
@@ -97,3 +100,56 @@ def test_numbers_of_one_state(name: str, multiplier: float) -> None:
     )
     np.testing.assert_allclose(trajectory.a[0], [-12.6144246424, -4.4074911865], atol=1e-9)
     assert trajectory.multipliers[0, 0] == pytest.approx(multiplier, abs=1e-9)
+
+
+def fall_of_two_masses_on_rods(times: np.ndarray) -> np.ndarray:
+    """Return the height of B without the guide, by Newton's law and the tensions of both rods."""
+    r, l, gravity, phi, rate = 0.1, 0.3, np.array([0.0, -9.81]), 0.5, 12.0
+
+    def rates(_: float, state: np.ndarray) -> np.ndarray:
+        a, b, v_a, v_b = state.reshape(4, 2)
+        rod, turning = b - a, v_b - v_a
+        # a·a″ = −v_a² and rod·(b″ − a″) = −(v_b − v_a)²; forces per mass and length
+        inner, outer = np.linalg.solve(
+            [[a @ a, -a @ rod], [-a @ rod, 2 * rod @ rod]],
+            [-v_a @ v_a - gravity @ a, -turning @ turning],
+        )
+        return np.concatenate([v_a, v_b, gravity + inner * a - outer * rod, gravity + outer * rod])
+
+    psi = np.arcsin(r * np.sin(phi) / l)
+    a, v_a = (
+        r * np.array([np.cos(phi), np.sin(phi)]),
+        r * rate * np.array([-np.sin(phi), np.cos(phi)]),
+    )
+    along = np.array([np.cos(psi), -np.sin(psi)])
+    v_b = [v_a[0] - v_a[1] * np.tan(psi), 0.0]
+    start = np.concatenate([a, a + l * along, v_a, v_b])
+    run = solve_ivp(rates, (0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13)
+    return run.y[3]
+
+
+def height_of_b(text: str, times: np.ndarray) -> np.ndarray:
+    """Simulate a model from the start that has B at O's height and moving along it."""
+    phi, rate = 0.5, 12.0
+    psi = np.arcsin(np.sin(phi) / 3)
+    start = {"psi": float(psi), "psi'": float(rate * np.cos(phi) / (3 * np.cos(psi)))}
+    model = lagcli.load_text(f"{text}\noutputs: {{height: y_B}}\n", set_initial=start)
+    trajectory = lagcli.simulate(model, times=times, rtol=1e-11, atol=1e-12)
+    assert trajectory.status == "completed", trajectory.message
+    return trajectory.outputs["height"]
+
+
+def test_without_the_guide_the_shipped_model_falls() -> None:
+    """T and V do not use the constraint: what remains is a double pendulum.
+
+    With the weight of B in V but without m/2 y_B'^2 in T (`cut_shipped`), it fell far too fast.
+    """
+    times = np.linspace(0, 0.084, 8)
+    expected = fall_of_two_masses_on_rods(times)
+    assert expected[-1] == pytest.approx(-0.0323, abs=1e-4)
+    shipped = (MODELS / "slider_crank.yaml").read_text(encoding="utf-8")
+    cut = re.sub(r"(?ms)^(constraints|outputs|view):.*?\n(?=\S|\Z)", "", shipped)
+    right, wrong = ((FOUND / f"cut_{x}.yaml").read_text("utf-8") for x in ("right", "shipped"))
+    for model in (cut, right):
+        np.testing.assert_allclose(height_of_b(model, times), expected, atol=1e-10)
+    assert height_of_b(wrong, times)[-1] < 6 * expected[-1]
