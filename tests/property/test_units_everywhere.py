@@ -12,6 +12,7 @@ import pytest
 from random_cases import seeds
 
 from lagcli.errors import LagcliError
+from lagcli.model.expression.dimension import COHERENT
 from lagcli.model.expression.unit_table import units
 from lagcli.model.expression.units import commensurable, read_unit, si_notation
 from lagcli.model.loader import load, load_text
@@ -29,9 +30,19 @@ outputs: {{o: p*x}}
 """
 
 
+#: Parameters with the names of units.
+NAMED: dict[str, float] = {}
+
+
 def model(parameter: str = "1 {unit}", unit: str = "1", more: str = "", **given: object) -> Model:
     text = MODEL.format(parameter=parameter.format(unit=unit), more=more.format(unit=unit))
-    return load_text(text, **given)  # type: ignore[arg-type]
+    return load_text(beside(text), **given)  # type: ignore[arg-type]
+
+
+def beside(text: str) -> str:
+    """Return the text of a model with the parameters of `NAMED` too."""
+    declared = "".join(f", {name}: {value}" for name, value in NAMED.items())
+    return re.sub(r"(?m)^(parameters: \{.*)\}$", rf"\1{declared}}}", text)
 
 
 def parameter(unit: str, folder: Path) -> float:
@@ -70,7 +81,7 @@ def table(unit: str, folder: Path) -> float:
     (folder / "table.csv").write_text(f"t;u [{unit}]\n0;3\n1;3\n")
     path = folder / "model.yaml"
     more = "inputs: {u: {file: table.csv, column: u, interpolation: linear, extend: hold}}"
-    path.write_text(MODEL.format(parameter="1", more=more))
+    path.write_text(beside(MODEL.format(parameter="1", more=more)))
     return load(path).inputs["u"].data.values[0]
 
 
@@ -83,13 +94,14 @@ def listed(unit: str, folder: Path) -> float:
 
 def tolerated(unit: str, coordinate: str) -> dict[str, float]:
     """Return the tolerances of a model with a coordinate that has a unit of results."""
-    return load_text(f"""
+    text = f"""
 coordinates: {{x: '{coordinate}'}}
 parameters: {{m: 1}}
 T: m/2*x'^2
 initial: {{x: 0, x': 0}}
 simulation: {{atol: {{x: '3 {unit}'}}}}
-""").settings.atol  # type: ignore[return-value]
+"""
+    return load_text(beside(text)).settings.atol  # type: ignore[return-value]
 
 
 def tolerance(unit: str, folder: Path) -> float:
@@ -132,6 +144,18 @@ def test_units_have_the_same_value_everywhere(place: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("place", PLACES)
+def test_units_are_units_beside_parameters_of_their_names(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A unit follows the number; in a product of parameters, an operator does."""
+    words = {x for unit, _, _ in WRITTEN for x in re.findall(r"[A-Za-z_]+[2-9]?", unit)}
+    for name in sorted(words - {"m", "t"}):
+        monkeypatch.setitem(NAMED, name, 7.5)
+    assert {"N", "g", "kg", "s", "mm4", "kgm2", "in"} <= NAMED.keys()
+    test_units_have_the_same_value_everywhere(place, tmp_path)
+
+
+@pytest.mark.parametrize("place", PLACES)
 def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_path: Path) -> None:
     wrong = {}
     for unit, reason in REFUSED:
@@ -171,7 +195,11 @@ def test_random_products_and_quotients_in_any_notation(seed: int) -> None:
             raised = [f"^{n}", f"**{n}", str(n).translate(_RAISED)]
             if n > 1 and name[-1].isalpha():
                 raised.append(str(n))
-            parts.append(name + ("" if n == 1 else rng.choice(raised)))
+            meters = name == "ms" or (n < 0 and name[:1] == "m" and name[1:] in COHERENT)
+            written = f"({name})" if meters and n != 1 else name  # not meters by a power
+            if meters:
+                raised = raised[:3]
+            parts.append(written + ("" if n == 1 else rng.choice(raised)))
             factor *= float(unit.factor) ** (sign * n)
             exponents = [
                 x + sign * n * y for x, y in zip(exponents, unit.dimension[:7], strict=True)

@@ -408,7 +408,7 @@ def _compared(sides: tuple[Tree, ...]) -> Iterator[tuple[tuple[Tree, ...], str]]
 
 def _alike(known: NamedDimensions, sides: tuple[Tree, ...], reason: str, event: ModelEvent) -> None:
     name = f"{event.name}.when"
-    values = [known.evaluated(x, "events", name, event.indices) for x in sides]
+    values = known.beside(sides, "events", name, event.indices)
     first: tuple[Tree, Dimension] | None = None
     for side, value in zip(sides, values, strict=True):
         if not isinstance(value, Dimension):

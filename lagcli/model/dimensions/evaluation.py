@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple, Protocol
@@ -14,6 +14,7 @@ from lagcli.model.expression.dimension import (
     NUMBER,
     ONE,
     ROTATION,
+    SECOND,
     UNKNOWN,
     ZERO,
     Dimension,
@@ -133,6 +134,16 @@ class DimensionEvaluator:
                 return self._diagonal([self.term(x) for x in tree.arguments])
         return self.value(tree)
 
+    def beside(self, parts: Sequence[Tree]) -> list[Value]:
+        """Return the dimensions of terms, sides or arguments that must agree.
+
+        A number beside ``t`` itself is a time in s, which is no assumption: time has no other unit.
+        """
+        timed = self.strict and any(isinstance(x, Name) and x.text == "t" for x in parts)
+        return [
+            SECOND if timed and is_constant(x) and not is_zero(x) else self.term(x) for x in parts
+        ]
+
     def scalar(self, tree: Tree) -> Scalar:
         """Return the dimension of a tree that is a scalar."""
         value = self.value(tree)
@@ -140,10 +151,10 @@ class DimensionEvaluator:
 
     def common(self, parts: Iterable[Tree], reason: str) -> Value:
         """Return the common dimension of parts; report the first that differs."""
-        first, *others = parts
-        total, shown = self.term(first), first
-        for part in others:
-            value = self.term(part)
+        first, *others = parts = tuple(parts)
+        total, *values = self.beside(parts)
+        shown = first
+        for part, value in zip(others, values, strict=True):
             joined = self.join(total, value)
             if joined is None:
                 a, b = differing(total, value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from lagcli.errors import SourceLocation
@@ -217,16 +217,27 @@ class NamedDimensions:
         location: SourceLocation | None = None,
     ) -> Value:
         """Return the dimension of an expression; record disagreements in it."""
+        return self.beside((tree,), block, name, indices, location)[0]
+
+    def beside(
+        self,
+        trees: Sequence[Tree],
+        block: str,
+        name: str | None = None,
+        indices: Mapping[str, int] = NO_INDICES,
+        location: SourceLocation | None = None,
+    ) -> list[Value]:
+        """Return the dimensions of the sides of a comparison; record disagreements in each."""
         self._indices.clear()
         self._indices.update(indices)
         self.numbers.place = EntryPlace(block, name, location)
         self.numbers.member = tuple(indices.items()) if self.varied else ()
-        value = self.evaluator.term(tree)
+        values = self.evaluator.beside(trees)
         if self.evaluator.disagreements:
             disagreements = self.evaluator.disagreements
             self.findings += [UnitFinding(d, block, name, location) for d in disagreements]
             self.evaluator.disagreements = []
-        return value
+        return values
 
     def fits(self, value: Value, expected: Value) -> bool:
         """Whether a value can have a dimension, as far as both are known."""

@@ -124,11 +124,15 @@ def is_zero(expression: Basic) -> bool:
     """
     if any(isinstance(x, KINKS) for x in kinks_of(expression)):
         return count_terms(expression) <= _LARGEST and bool(expand_terms(expression) == 0)
-    symbols = sorted(expression.free_symbols, key=str)
+    return terms_cancel(expression.args if isinstance(expression, se.Add) else (expression,))
+
+
+def terms_cancel(terms: Sequence[Basic]) -> bool:
+    """Whether the sum of terms is zero within rounding of the terms, at three scattered points."""
+    symbols = sorted(set().union(*(x.free_symbols for x in terms)), key=str)
     for k in range(1, 4):
         scattered = (math.sin((4 * i + k) ** 2) for i in range(len(symbols)))
         at = {s: se.RealDouble(0.6 + 0.3 * x) for s, x in zip(symbols, scattered, strict=True)}
-        terms = expression.args if isinstance(expression, se.Add) else (expression,)
         try:
             # with the symbols of each term alone: a substitution costs as much as it has entries
             values = [number(x.xreplace({s: at[s] for s in x.free_symbols})) for x in terms]

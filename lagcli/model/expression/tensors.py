@@ -8,15 +8,26 @@ from typing import NamedTuple, TypeAlias
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.expression.algebra import constant_value, is_zero
-from lagcli.model.expression.constants import cases
+from lagcli.model.expression.algebra import constant_value, is_zero, terms_cancel
+from lagcli.model.expression.constants import cases, number
+from lagcli.model.expression.functions import KINKS, kinks_of
 
 Rows = tuple[tuple[Basic, ...], ...]
 Derivative = Callable[[Basic], Basic]
 
 
 class ShapeError(ValueError):
-    """Incompatible shapes."""
+    """Incompatible shapes.
+
+    Parameters
+    ----------
+    message : str
+    help : str, optional
+    """
+
+    def __init__(self, message: str, help: str | None = None):
+        super().__init__(message)
+        self.help = help
 
 
 class Tensor(NamedTuple):
@@ -133,7 +144,8 @@ class RotationFactor(NamedTuple):
         if not self.parameters:
             raise ShapeError(
                 "the quaternion of a matrix is not known; write it with rot_x, rot_y, rot_z, rot or"
-                " quat"
+                " quat",
+                self.remedy(),
             )
         if self.axis is None:
             return self.parameters
@@ -145,14 +157,27 @@ class RotationFactor(NamedTuple):
         """Whether this is a rotation, RᵀR = 1 and det R = 1.
 
         A quaternion is assumed to be one: its normalization is a constraint of the model. A matrix
-        is tested numerically at some points.
+        is tested numerically at some points. Entries may be rounded to a double.
         """
         if self.parameters:
             return True
         columns = [Tensor(tuple((x,) for x in column)) for column in zip(*self.rows, strict=True)]
         x, y, z = columns
         pairs = [(x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (y, z, 0), (cross(x, y), z, 1)]
-        return all(is_zero(dot(a, b) - value) for a, b, value in pairs)
+        return all(_has_product(a, b, value) for a, b, value in pairs)
+
+    def remedy(self) -> str | None:
+        """Return what to write for a matrix of rounded numbers; None for any other."""
+        if self.parameters:
+            return None
+        try:
+            numbers = [[number(x) for x in row] for row in self.rows]
+        except (ValueError, RuntimeError):
+            return None  # it depends on names
+        from lagcli.model.expression.rotations import quaternion_text
+
+        text = quaternion_text(numbers)
+        return text and f"write the rotation nearest to the matrix: `{text}`"
 
     def rate(self, derivative: Derivative) -> tuple[Basic, ...]:
         """Return the body-frame angular velocity of this rotation."""
@@ -168,6 +193,22 @@ class RotationFactor(NamedTuple):
             2 * (e0 * d2 - e2 * d0 - e3 * d1 + e1 * d3),
             2 * (e0 * d3 - e3 * d0 - e1 * d2 + e2 * d1),
         )
+
+
+def _has_product(a: Tensor, b: Tensor, value: int) -> bool:
+    """Whether two vectors have a scalar product, within rounding of its terms."""
+    if any(isinstance(x, KINKS) for v in (a, b) for e in v.entries for x in kinks_of(e)):
+        return is_zero(dot(a, b) - value)
+    terms = [x * y for x, y in zip(a.entries, b.entries, strict=True)]
+    return terms_cancel([*terms, se.Integer(-value)])
+
+
+def rotation_remedy(value: Basic | Tensor) -> str | None:
+    """Return what to write for a matrix that is a rotation but for rounding; None for any other."""
+    if not isinstance(value, Tensor) or value.shape != (3, 3):
+        return None
+    factors = value.factors or (RotationFactor(value.rows),)
+    return next((x.remedy() for x in factors if not x.is_rotation), None)
 
 
 def vector(*entries: Basic) -> Tensor:

@@ -130,7 +130,7 @@ def read_unit(text: str) -> ParsedUnit:
         return _NONE
     unit = _UnitReader(plain).read() if len(plain) <= _LONGEST else None
     if unit is None:
-        raise UnknownUnit(f"`{shorten(text)}` is not a unit")
+        raise UnknownUnit(f"`{shorten(text)}` is not a unit{_power_hint(plain)}")
     try:
         size = float(unit.factor)
     except OverflowError:
@@ -271,10 +271,23 @@ def _refuse_doubtful(text: str, plain: str, unit: ParsedUnit) -> None:
         r"(?:°|deg(?:rees?)?)\s*[*·]?\s*[CFR](?!\w)", plain
     ):
         reason = "temperatures are given in K: 20 °C is 293.15 K"
+    elif re.search(r"(?<![^\W\d])k?g\s*/\s*ms(?!\w)", plain):
+        reason = "write kg/(m*s) with meters, kg/(ms) with milliseconds"
+    elif re.search(r"/\s*mK(?!\w)", plain):
+        reason = "write W/(m*K) with meters, W/(mK) with millikelvins"
     elif plain in ("kgm", "kgcm", "kgmm"):
         reason = f"write kg*{plain[2:]} for a product, kgf*{plain[2:]} for a torque"
     if reason:
         raise UnknownUnit(f"`{shorten(text)}` is ambiguous: {reason}")
+
+
+def _power_hint(plain: str) -> str:
+    """Return what to write for a power without its sign, as in ``m s-2``."""
+    written = re.sub(r"(?<=[^\W\d])-(?=[1-9])", "^-", plain)
+    if written == plain or "/" in plain or len(written) > _LONGEST:
+        return ""
+    read_unit(written)  # raises for what is no unit either way
+    return f"; did you mean `{written}`?"
 
 
 def _parts(name: str) -> tuple[str, ...]:
@@ -301,6 +314,13 @@ def _single(name: str) -> ParsedUnit:
     known = [f"`{x}`" for x in (*compounds(), *units()) if x.casefold() == folded]
     hint = f"; did you mean {' or '.join(known[:2])}?" if known else ""
     raise UnknownUnit(f"`{shorten(name)}` is not a unit{hint}")
+
+
+def _is_product_with_meters(name: str, exponent: Exponent) -> bool:
+    """Whether a power of a unit is usual for meters by a power: ``ms^-2``, ``mN^-1``."""
+    if name == "ms":
+        return exponent != 1
+    return name[:1] == "m" and name[1:] in COHERENT and name != "mm" and exponent < 0
 
 
 class _UnitReader:
@@ -355,6 +375,7 @@ class _UnitReader:
             level.sign = 1  # a space between two units means a product
         name = match["name"]
         self._factor(tuple(_single(part) for part in _parts(name)))
+        level.word = name
         return self._raise(match["digit"]) if match["digit"] else True
 
     def _factor(self, parts: tuple[ParsedUnit, ...]) -> bool:
@@ -365,7 +386,7 @@ class _UnitReader:
             level.before = level.before.times(part.power(level.sign))
         level.last, level.expects = parts[-1].power(level.sign), False
         level.value = level.before.times(level.last)
-        level.sign = 1
+        level.divisor, level.sign, level.word = level.sign < 0, 1, ""
         return True
 
     def _raise(self, exponent: str) -> bool:
@@ -376,6 +397,15 @@ class _UnitReader:
             n = whole(Fraction(exponent.strip("()")))
         except ZeroDivisionError:
             return False
+        if _is_product_with_meters(level.word, n):
+            base = f"m*{level.word[1:]}^{exponent}"
+            base = f"({base})" if level.divisor else base
+            power = level.word if abs(n) == 1 else f"({level.word})^{abs(n)}"
+            power = f"1/{power}" if n < 0 else power
+            raise UnknownUnit(
+                f"`{shorten(self.text)}` is ambiguous: write {base} with meters, {power} for a"
+                f" power of {level.word}"
+            )
         level.value = level.before.times(level.last.power(n))
         level.last = None
         return True
@@ -393,6 +423,8 @@ class _UnitLevel:
     def __init__(self) -> None:
         self.value = self.before = _NONE
         self.last: ParsedUnit | None = None
+        self.word = ""  # the last factor, if it is a name
+        self.divisor = False  # whether the last factor follows a `/`
         self.sign = 1
         self.divided = False
         self.expects = True

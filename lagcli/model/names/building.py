@@ -152,7 +152,7 @@ class _ExpressionBuilder:
                 case LogicalExpr():
                     return self.logical(tree)
         except ShapeError as error:
-            raise error_at("shape", str(error), tree) from None
+            raise error_at("shape", str(error), tree, error.help) from None
         except (RuntimeError, ValueError):  # SymEngine's errors for infinite arguments of functions
             raise error_at("not-a-number", "this is undefined", tree, _NOT_REAL) from None
         raise AssertionError(f"no such tree: {tree!r}")

@@ -49,7 +49,7 @@ class Draft:
     report : Diagnostics
     names : Namespace
     trees : dict of str to Tree
-        Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
+        Syntax trees of the expressions, by key: ``T``, ``definitions.x_A``, ``Q.phi``.
     misspelled_keys : set of str
         Keys that the file misspells, whose error has been reported.
     left_out : list of str
@@ -329,6 +329,8 @@ def read_quantity(
 ) -> Quantity | None:
     """Parse a number with a unit, or an expression with a separate unit.
 
+    What follows a number and can be a unit is one, also where a quantity of the model has its name.
+
     Parameters
     ----------
     draft : Draft
@@ -363,7 +365,7 @@ def read_quantity(
             message = f"`{shorten(text.strip())}` is not a number"
             report.add("syntax", message, location, "write a decimal number")
             return None
-        if names.declared(own.split("*")[0].strip()) and (own[-1].isdigit() or not is_unit(own)):
+        if names.declared(own.split("*")[0].strip()) and not is_unit(own):
             location = node.span(match.start(1), match.end(2))
             help_ = f"write a product as `{match[1]}*{own}`"
             report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
@@ -376,7 +378,7 @@ def read_quantity(
             help_ = UNIT_HELP
             if re.fullmatch(r"[^\W\d]+(?:-[^\W\d]+)+", own):
                 help_ = f"write a product of units as `{own.replace('-', '*')}`"
-            elif re.search("[-+]", own):
+            elif re.search("[-+]", re.sub(r"(?<=[^\W\d]|\^|\*)[-+](?=[0-9])", "", own)):  # no power
                 help_ = "write an expression with a unit as `{value: 2 + 1/2, unit: m}`"
             report.add("unknown-unit", f"{what}: {error}", location, help_)
             return None

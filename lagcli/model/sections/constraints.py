@@ -19,7 +19,13 @@ from lagcli.model.expression.algebra import (
     nonlinear_in,
 )
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.tensors import ShapeError, Tensor, Value, kind_of
+from lagcli.model.expression.tensors import (
+    ShapeError,
+    Tensor,
+    Value,
+    kind_of,
+    rotation_remedy,
+)
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import (
     CallExpr,
@@ -291,7 +297,7 @@ class _ConstraintBuilder:
             rows = component_equations(self.left, self.right, values, build)
         except ShapeError as error:
             help_ = "both sides are scalars, vectors of one length, or rotations; 0 fits any vector"
-            self.fault("shape", f"{self.what}: {error}", help_, indices)
+            self.fault("shape", f"{self.what}: {error}", error.help or help_, indices)
             return
         always = [row for row in rows if is_zero(row.sides[0] - row.sides[1])]
         if len(always) < len(rows):
@@ -438,7 +444,10 @@ def component_equations(
     vector = one if isinstance(one, Tensor) else two
     assert isinstance(vector, Tensor)
     if not vector.is_vector:
-        raise ShapeError("an equation of matrices is possible between rotations only")
+        raise ShapeError(
+            "an equation of matrices is possible between rotations only",
+            next(filter(None, map(rotation_remedy, (one, two))), None),
+        )
     count = len(vector.entries)
     parts = _LETTERS[:count] if count <= len(_LETTERS) else map(str, range(1, count + 1))
     return [

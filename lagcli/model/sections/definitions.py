@@ -118,7 +118,7 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
             draft.names.broken.add(d.family)
             continue
         parsed_entries[id(d)] = _DefinitionEntry(parsed, description)
-        draft.trees[d.title] = parsed.tree
+        draft.trees[f"definitions.{d.title}"] = parsed.tree
     return parsed_entries
 
 

@@ -8,7 +8,12 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.expression.algebra import is_zero, nonlinear_in
-from lagcli.model.expression.tensors import Tensor, Value, angular_velocity
+from lagcli.model.expression.tensors import (
+    Tensor,
+    Value,
+    angular_velocity,
+    rotation_remedy,
+)
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.model import RATE, Constraint, Coordinate, Definition, coordinate, velocity
 from lagcli.model.names.draft import Draft, Entry, Formula, Parsed
@@ -190,7 +195,8 @@ def _project(
             f"the force on `{along.name}` must be {wanted}, as `{along.name}` is",
             parsed.tree.start,
             parsed.tree.end,
-            "a force along a vector is a vector of the same length",
+            (both and rotation_remedy(place))
+            or "a force along a vector is a vector of the same length",
         )
     pairs = (
         list(zip(force.entries, place.entries, strict=True))

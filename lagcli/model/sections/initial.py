@@ -11,7 +11,7 @@ from lagcli.columns import unit_quotient
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import is_number, without_dots
+from lagcli.model.expression.tokens import decimal, is_number, without_dots
 from lagcli.model.expression.trees import (
     ComponentExpr,
     Name,
@@ -148,6 +148,18 @@ def guess_or(node: Scalar) -> YamlNode:
     return MappingNode(node.source, node.start, node.end, {"guess": (key, guess)})
 
 
+def _rotation_in(node: Sequence) -> str | None:
+    """Return the rotation nearest to a matrix of numbers, as ``quat(…)``."""
+    rows = [row.items for row in node.items if isinstance(row, Sequence)]
+    if [len(row) for row in rows] != [3, 3, 3]:
+        return None
+    numbers = [[decimal(x.value) if isinstance(x, Scalar) else None for x in row] for row in rows]
+    matrix = [[x for x in row if x is not None] for row in numbers]
+    from lagcli.model.expression.rotations import quaternion_text
+
+    return quaternion_text(matrix) if all(len(row) == 3 for row in matrix) else None
+
+
 class VectorReader:
     """Reads the initial value of a vector or rotation, or its derivative.
 
@@ -184,7 +196,8 @@ class VectorReader:
     def listed(self, node: Sequence) -> None:
         """Read a list of components, each with its unit, fixed or guessed."""
         if len(node.items) != len(self.parts):
-            self.wrong_shape(node, f"a list of {len(node.items)}")
+            remedy = _rotation_in(node) if self.rotates and not self.turning else None
+            self.wrong_shape(node, f"a list of {len(node.items)}", remedy)
             return
         for part, item in zip(self.parts, node.items, strict=True):
             own = self.declaration._replace(node=item, part=f".{part}")
@@ -228,14 +241,15 @@ class VectorReader:
             return {}
         return {p: ComponentExpr(tree.start, tree.end, tree, p) for p in self.parts}
 
-    def wrong_shape(self, node: YamlNode, given: str) -> None:
+    def wrong_shape(self, node: YamlNode, given: str, remedy: str | None = None) -> None:
         """Report a value that is not a vector or rotation of the right size."""
         if self.turning:
             wanted = "the angular velocity in the frame of the body, a vector of 3"
             help_ = f"write `{self.declaration.title}: [0, 0, 2 rad/s]`"
         elif self.rotates:
             wanted = "a rotation, or the four components of a quaternion"
-            help_ = f"write `{self.declaration.title}: rot_z(30 deg)`, or `[1, 0, 0, 0]`"
+            shown = remedy or "rot_z(30 deg)"
+            help_ = f"write `{self.declaration.title}: {shown}`, or `[1, 0, 0, 0]`"
         else:
             wanted = f"a vector of {len(self.parts)}"
             help_ = f"write `{self.declaration.title}: [0, 0, 0]`"

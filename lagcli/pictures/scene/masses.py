@@ -10,6 +10,9 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.trees import CallExpr, Name, SumExpr, walk
 from lagcli.model.model import Model, coordinate
 
+#: Before the names of definitions in the keys of `Model.trees`.
+_DEFINITIONS = "definitions."
+
 
 def base_name(name: str) -> str:
     """Return a name without its indices."""
@@ -18,7 +21,11 @@ def base_name(name: str) -> str:
 
 def energy_names(model: Model) -> Iterator[Name]:
     """Yield the names in T, or in L, and in the definitions that these use."""
-    trees = {base_name(title): tree for title, tree in model.trees.items()}
+    trees = {
+        base_name(key.removeprefix(_DEFINITIONS)): tree
+        for key, tree in model.trees.items()
+        if key.startswith(_DEFINITIONS)
+    }
     waiting = [tree for key in ("T", "L") if (tree := model.trees.get(key)) is not None]
     known: set[str] = set()
     while waiting:
@@ -38,7 +45,7 @@ def bodies_of(model: Model) -> dict[str, str]:
     ``body(m, J, r, R)`` does, are the energies of bodies.
     """
     bodies = {}
-    for key in ("T", "L", *map(str, model.definitions)):
+    for key in ("T", "L", *(_DEFINITIONS + name for name in model.definitions)):
         for part in walk(model.trees[key]) if key in model.trees else ():
             if not isinstance(part, SumExpr):
                 continue

@@ -6,9 +6,13 @@ import pickle
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import symengine as se
 
+from lagcli import simulate
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.render import render
 from lagcli.errors import ModelError
 from lagcli.model.dimensions.deriving import expression_unit, symbolic_unit
 from lagcli.model.expression.dimension import unit_of
@@ -17,7 +21,9 @@ from lagcli.model.expression.units import read_unit
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model, multiplier
 from lagcli.model.result_units import result_units
+from lagcli.pictures.scene.masses import moving_names
 
+FOUND = Path(__file__).parents[3] / "found"
 MODELS = Path(__file__).parents[4] / "models"
 
 #: λ by constraint, and outputs, as the files' comments and textbooks have them.
@@ -528,3 +534,35 @@ def test_options_and_presets_fit_in_models_with_some_units() -> None:
         load_text(text, set_initial={"x": "1 kg"})
     with pytest.raises(ModelError, match="must be in m, not in kg"):
         load_text(text + "presets: {heavy: {initial: {x: 1 kg}}}\n")
+
+
+def test_an_inductance_called_l_is_no_lagrangian() -> None:
+    model = load(FOUND / "def_L.yaml")
+    assert model.units.of("L") == "H"
+    run = simulate(model, t_end=5.0, samples=11, rtol=1e-10)
+    np.testing.assert_allclose(run.q[:, 0], np.cos(run.time / np.sqrt(2.0)), atol=1e-8)
+
+
+NAMED_AS_KEYS = """
+coordinates: {x: m}
+parameters: {m: 1 kg, k: 4 N/m, c: 1 N*s/m}
+definitions: {T: 2*pi*sqrt(m/k), V: x', L: x, D: x^2}
+T: m/2*V^2
+V: k/2*L^2
+D: c/2*V^2
+initial: {x: 1, x': 0}
+outputs: {phase: 2*pi*t/T, area: D}
+"""
+
+
+def test_definitions_may_have_the_names_of_energies() -> None:
+    """What is checked and printed as T is the key T, and the definition T is a period."""
+    model = load_text(NAMED_AS_KEYS)
+    assert {x: model.units.of(x) for x in "TVLD"} == {"T": "s", "V": "m/s", "L": "m", "D": "m^2"}
+    text = render(derive(model), steps=True)
+    assert "½ m V²" in text
+    assert "m ẍ + k x = −c ẋ" in text
+    assert model.units.of_output("area") == "m^2"
+    assert moving_names(model) == {"x"}
+    with pytest.raises(ModelError, match=r":6:4: error\[units\]: `V` must be an energy, in J"):
+        load_text(NAMED_AS_KEYS.replace("V: k/2*L^2", "V: k/2*L"))

@@ -78,7 +78,17 @@ def taken(**changed: str) -> list[str]:
         ({"output": "atan2(y, 2)"}, ["m"]),
         ({"output": "hypot(x, 1)"}, ["m"]),
         ({"output": "x*exp(-0.3*t)"}, ["1/s"]),
-        ({"output": "x*step(t - 1)"}, ["s"]),
+        # beside t itself: a time in s, which is no assumption
+        ({"output": "x*step(t - 1)"}, []),
+        ({"output": "x*sin((t - 0.3)/(1.3 - t))"}, []),
+        ({"output": "if(t < 5, x, y)"}, []),
+        ({"output": "x*min(t, 30)/max(4 + 2*7, t)"}, []),
+        ({"output": "t - 5"}, []),
+        ({"more": "events: {a: {when: t >= 5, stop: true}}"}, []),
+        ({"more": "events: {a: {when: 2*5 <= t and not t > 30, stop: true}}"}, []),
+        ({"more": "events: {a: {when: t >= 5 or x >= 5, stop: true}}"}, ["m"]),
+        ({"output": "x*step(2*t - 1)"}, ["s"]),
+        ({"output": "x*step(t - (1 + x/x'))"}, ["s"]),
         ({"output": "sqrt(x/0.3)"}, []),  # a pure number fits: the unit of an output is free
         ({"Q": "x: k*sqrt(0.3*x)"}, ["m"]),
         ({"Q": "x: k*(0.3*x')^2"}, ["s/m^0.5"]),

@@ -213,6 +213,29 @@ def test_factors_and_dimensions_are_those_of_pint(registry: pint.UnitRegistry) -
         assert unit.dimension._replace(rad=0) == dimension, name
 
 
+#: Powers and products as people write them, and as Pint does.
+POWERS = [
+    *(("Nm^-1", "N/m"), ("kNm^-1", "kN/m"), ("Nm⁻²", "N/m**2"), ("kNm^2", "kN*m**2")),
+    *(("Nmm^2", "N*mm**2"), ("Nms^-1", "N*m/s"), ("Nms^2", "N*m*s**2"), ("kgm^-3", "kg/m**3")),
+    *(("Ns m^-1", "N*s/m"), ("N s m^-1", "N*s/m"), ("N.s.m^-1", "N*s/m"), ("kgm2", "kg*m**2")),
+    *(("kg m s^-2", "kg*m/s**2"), ("kg·m⁻¹·s⁻²", "kg/m/s**2"), ("mm s^-2", "mm/s**2")),
+    *(("m s^-2", "m/s**2"), ("m.s^-2", "m/s**2"), ("cm s⁻²", "cm/s**2"), ("km s^-1", "km/s")),
+    *(("mm^-1", "1/mm"), ("mm^-2", "mm**-2"), ("rad s^-1", "rad/s"), ("deg s^-2", "deg/s**2")),
+    *(("(ms)^-2", "ms**-2"), ("m/(ms)^2", "m/ms**2"), ("kg/(ms)", "kg/ms"), ("1/ms", "1/ms")),
+    *(("(mN)^-1", "1/mN"), ("m*N^-1", "m/N"), ("m N^-1", "m/N"), ("N/ms", "N/ms")),
+    *(("W m^-2 K^-1", "W/m**2/K"), ("W/(m*K)", "W/m/K"), ("J kg^-1 K^-1", "J/kg/K")),
+    *(("in s^-2", "inch/s**2"), ("lbf s/ft", "lbf*s/ft"), ("lbf·in^-2", "lbf/inch**2")),
+]
+
+
+@pytest.mark.parametrize(("text", "plain"), POWERS)
+def test_powers_are_those_of_pint(registry: pint.UnitRegistry, text: str, plain: str) -> None:
+    factor, dimension = of_pint(registry, plain)
+    found = read_unit(text)
+    assert math.isclose(found.factor, factor, rel_tol=1e-12)
+    assert found.dimension._replace(rad=0) == dimension
+
+
 def test_si_units_are_those_of_the_dimensions() -> None:
     for name, unit in units().items():
         text = "*".join(f"{x}^{n}" for x, n in unit.si) or "1"

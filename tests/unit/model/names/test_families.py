@@ -10,7 +10,9 @@ import symengine as se
 from growth import assert_growth
 
 import lagcli
+from lagcli.columns import SCALARS
 from lagcli.errors import ModelError
+from lagcli.functions import FUNCTIONS
 from lagcli.model.model import Model
 from lagcli.model.names import families
 from lagcli.model.names.members import MAX_MEMBERS
@@ -261,3 +263,52 @@ def test_sparse() -> None:
     equations = lagcli.derive(lagcli.load(MODELS / "chain.yaml", set={"N": 300}))
     assert sum(map(len, equations.mass_matrix)) == 600
     assert sum(len(c.row) for c in equations.constraints) == 4 * 300 - 2
+
+
+#: Models that declare a name, and use it.
+DECLARED = {
+    "coordinate": "coordinates: [z, {0}]\nT: (z'^2 + {0}'^2)/2\ninitial: {{{0}: 0, {0}': 0, ",
+    "parameter": "coordinates: [z]\nparameters: {{{0}: 1}}\nT: {0}*z'^2/2\ninitial: {{",
+    "definition": "coordinates: [z]\ndefinitions: {{{0}: z}}\nT: {0}'^2/2\ninitial: {{",
+    "constraint": "coordinates: [z]\nT: z'^2/2\nconstraints: {{{0}: z = 0}}\ninitial: {{",
+    "output": "coordinates: [z]\nT: z'^2/2\noutputs: {{{0}: z}}\ninitial: {{",
+    "point": "coordinates: {{z: m, {0}: point}}\nT: (z'^2 + norm({0}')^2)/2\n"
+    "initial: {{{0}: 0, {0}': 0, ",
+}
+#: As the table in `docs/model-file.md`: what cannot have a name.
+REFUSED = {
+    **{x: {*DECLARED} for x in ("and", "or", "not", "if")},
+    "t": DECLARED.keys() - {"constraint"},
+    "pi": DECLARED.keys() - {"constraint", "output"},
+    **{x: {"output"} for x in ("time", "z_dot", *(q.name for q in SCALARS))},
+    **{x: {"point"} for x in ("lambda", "Qc")},
+}
+FREE = (
+    *FUNCTIONS,
+    *"TVLDQNEISgms",
+    "sum",
+    "dot",
+    "body",
+    "kg",
+    "N",
+    "event",
+    "guess",
+    "multipliers",
+)
+
+
+@pytest.mark.parametrize("name", [*REFUSED, *FREE])
+def test_reserved_names_are_those_of_the_documentation(name: str) -> None:
+    kinds = {"output"} if name == "z_dot" else DECLARED.keys()
+    assert {x for x in kinds if is_refused(x, name)} == REFUSED.get(name, set())
+
+
+def is_refused(kind: str, name: str) -> bool:
+    """Whether a name is refused for a kind of quantity, as a name."""
+    try:
+        lagcli.load_text((DECLARED[kind] + "z: 0, z': 0}}").format(name))
+    except ModelError as error:
+        if "-name" not in error.diagnostics[0].kind:
+            raise
+        return True
+    return False

@@ -289,3 +289,50 @@ def test_a_quaternion_coordinate_needs_no_quat() -> None:
     with pytest.raises(ModelError) as raised:
         lagcli.load_text(text(output="'dot(quat(1, 0)*[1, 0, 0], [1, 0, 0])'"))
     assert raised.value.diagnostics[0].help is None
+
+
+BODY = """
+coordinates: {{r: point, e: quaternion}}
+parameters: {{m: 1 kg, J: 2 kg*m^2}}
+definitions:
+  S: {matrix}
+  R: e*S
+T: body(m, diag(J, J, J), r, e)
+{more}
+initial: {{r: 0, r': 0, e: {start}, e': 0}}
+"""
+TURNED = "[[{0}, -0.5, 0], [0.5, {0}, 0], [0, 0, 1]]"
+GUESS = "{guess: 1}"
+
+
+def body(matrix: str, more: str = "", start: str = GUESS) -> lagcli.Model:
+    return lagcli.load_text(BODY.format(matrix=matrix, more=more, start=start))
+
+
+@pytest.mark.parametrize("digits", ["0.8660254037844387", "0.866025403784439"])
+def test_a_matrix_rounded_to_a_double_is_a_rotation(digits: str) -> None:
+    model = body(TURNED.format(digits), "constraints: {weld: e = S}\nQ: {R: [0, 0, 3]}")
+    run = lagcli.simulate(model, t_end=0.1, samples=2)
+    half = np.pi / 12
+    np.testing.assert_allclose(run.q[:, 3:], [[np.cos(half), 0, 0, np.sin(half)]] * 2, atol=1e-14)
+    torques = dict(zip(run.constraints, run.multipliers[0], strict=True))
+    assert torques["weld.z"] == pytest.approx(-3, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("more", "start"),
+    [
+        ("constraints: {weld: e = S}", GUESS),
+        ("constraints: {weld: S = e}", GUESS),
+        ("Q: {R: [0, 0, 3]}", GUESS),
+        ("outputs: {o: S.0}", GUESS),
+        ("", TURNED.format("0.866")),
+    ],
+)
+def test_of_a_matrix_with_fewer_digits_the_nearest_rotation_is_named(more: str, start: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        body(TURNED.format("0.866"), more, start)
+    named = "quat(0.9659241824876161, 0, 0, 0.258825179775134)"
+    assert named in str(caught.value)
+    model = body(named, more, start if start == GUESS else named)  # the help is accepted
+    assert lagcli.simulate(model, t_end=0.1, samples=2).status == "completed"
