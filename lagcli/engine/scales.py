@@ -131,7 +131,8 @@ def usable(scale: Array) -> Array:
 
 def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
     """Return 1/M_jj, or 0 without inertia, and √max_j(M_jj x_j²)."""
-    moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
+    with np.errstate(over="ignore"):
+        moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
     return compliance_of(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
 
 

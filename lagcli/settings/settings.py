@@ -28,6 +28,8 @@ from lagcli.settings.kinds import (
 )
 from lagcli.settings.methods import FORMULATIONS, METHOD_NAMES, METHODS
 
+#: Shortest duration of a run, s: its steps are normal numbers, with room below.
+_SHORTEST = 1e-290
 MAX_SAMPLES = 10**8
 
 
@@ -159,6 +161,12 @@ class SettingsOverrides(_Declared, GivenValues):
             yield SettingError(
                 "t_end", f"t_end {end:g} is not after t_start {start:g}; give a later t_end"
             )
+        elif end is not None and end - start < _SHORTEST:
+            yield SettingError(
+                "t_end",
+                f"a run of {end - start:.3g} s is shorter than steps can be, {_SHORTEST:g} s",
+                "give a later t_end",
+            )
         given = [name for name in _GRID if name in self.__dict__]
         if len(given) > 1:
             yield SettingError(
@@ -168,9 +176,20 @@ class SettingsOverrides(_Declared, GivenValues):
             if self.times[0] < start:
                 yield SettingError("times", f"times begin before t_start {start:g}")
             elif end is not None and self.times[-1] > end:
-                yield SettingError("times", f"times go beyond t_end {end:g}")
+                last, stated = _apart(self.times[-1], end)
+                yield SettingError(
+                    "times",
+                    f"times go beyond t_end {stated}: the last one is {last}",
+                    "give a later t_end, or none: then the last time is the end",
+                )
         if self.dt is not None and end is not None and (end - start) / self.dt > MAX_SAMPLES:
             yield SettingError("dt", "dt gives more than 10^8 samples", "take a larger dt")
+
+
+def _apart(a: float, b: float) -> tuple[str, str]:
+    """Return two numbers as texts that differ."""
+    short = f"{a:g}", f"{b:g}"
+    return short if short[0] != short[1] else (repr(a), repr(b))
 
 
 class Settings(_Declared, CompleteValues):

@@ -31,10 +31,11 @@ def sample_times(settings: Settings) -> Array:
     if count == 1:
         return np.array([start if settings.dt is not None else end])
     spacing = settings.dt or (end - start) / (count - 1)
-    if spacing <= np.spacing(max(abs(start), abs(end))):
+    resolved = float(np.spacing(max(abs(start), abs(end))))
+    if spacing <= resolved:
         raise UsageError(
-            f"samples {spacing:.3g} s apart are not distinct times between {start:g} and {end:g} s;"
-            " take fewer samples, or a later t_end"
+            f"samples {spacing:.3g} s apart are not distinct times: those near {end:.9g} s are"
+            f" {resolved:.2g} s apart; take fewer samples, or a later t_end"
         )
     exact = _counted(settings) if start else None
     if exact is not None:

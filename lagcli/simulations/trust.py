@@ -31,6 +31,9 @@ _CANCELLED = 1e-9
 _DRIFT = 8 * np.finfo(float).eps
 #: Relative change of the state that reveals the size of the energy's terms.
 _CHANGE = 1e-7
+#: Growth of a coordinate beyond what its start, velocity and acceleration reach in the run: it
+#: diverges. Perturbations of an equilibrium by rounding errors grow to its size by less.
+_DIVERGED = 1e50
 #: Largest residual after projection, relative to a constraint's terms; the target is 1e-14.
 _RESIDUAL = 1e-9
 
@@ -53,6 +56,8 @@ class Trust:
         self._last: tuple[float, float] | None = None  # time and power of the last sample
         self._first: tuple[float, Array, Array] | None = None  # time, q and v of the first sample
         self._force = np.zeros(len(system.coordinates))  # largest constraint forces
+        self._start = np.zeros((3, len(system.coordinates)))  # sizes of q, v and a
+        self._largest = np.zeros(len(system.coordinates))  # coordinates
         nc = len(self.constraints)
         self._residuals = {"position": np.zeros(nc), "velocity": np.zeros(nc)}
 
@@ -74,6 +79,8 @@ class Trust:
         time = samples.time
         if self._first is None:
             self._first = float(time[0]), samples.q[0], samples.v[0]
+            self._start = np.abs([samples.q[0], samples.v[0], samples.a[0]])
+        self._largest = np.fmax(self._largest, np.fmax.reduce(np.abs(samples.q), axis=0))
         forces = np.abs(samples.constraint_force)
         self._force = np.fmax(self._force, np.fmax.reduce(forces, axis=0))
         if self._last is not None:
@@ -130,6 +137,21 @@ class Trust:
         step = (self._last[0] - t) / steps
         return float(_DRIFT * ((self._force * sizes) ** 2).sum() * step**2)
 
+    def _divergence(self) -> list[str]:
+        """Return a sentence for the coordinate that diverges most, if one does."""
+        if self._first is None or self._last is None:
+            return []
+        length = self._last[0] - self._first[0]
+        reach = np.array([1.0, length, length**2]) @ self._start
+        growth = np.divide(self._largest, reach, out=np.zeros_like(reach), where=reach > 0.0)
+        most = int(np.argmax(growth))
+        if not growth[most] > _DIVERGED:
+            return []
+        return [
+            f"the motion diverges: `{self.system.coordinates[most]}` grows to"
+            f" {self._largest[most]:.2g}; check the signs of the forces"
+        ]
+
     def _remedy(self) -> str:
         """Return the remedy for a large error of the energy balance."""
         places = [REPORTED.index(name) for name in ("energy_kinetic", "energy_potential")]
@@ -151,7 +173,7 @@ class Trust:
         columns : DerivedColumns
             Samples, with the constraints' scales.
         """
-        warnings, rtol = [], settings.rtol
+        warnings, rtol = self._divergence(), settings.rtol
         scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         explained = max(_PER_STEP * rtol * steps, _ROUNDING)
         allowed = min(_LARGEST, explained)

@@ -60,6 +60,8 @@ _SLICE = 0.03
 _MOST_SECONDS = 1e-6
 #: Largest ratio of successive slices: the first steps are not representative.
 _GROWTH = 16
+#: Durations of a run: times so far from 0 lack digits of those of its steps.
+_FAR = 1e3
 #: Number of states for an order of elimination; after that, failures use the dense solution.
 _MOST_STATES = 20
 #: Order of the dense matrix from which redundant constraints are left out of an elimination. To
@@ -414,6 +416,14 @@ class Integration:
                 self.reorder()
                 return self.handle_status(core.start())
             raise Undefined(state)
+        if status in (Status.OFF, Status.JUMPED):
+            from lagcli.engine.constraints.branch_cuts import passes_branch_cut
+
+            since, _ = core.step
+            before = (since, *self.split(core.dense(since)))
+            cut = passes_branch_cut(self.evaluator, before, (core.t_bad, *self.split(core.y_bad)))
+            if cut is not None:
+                raise cut
         if status == Status.OFF:
             self.projection(core.t_bad, *self.split(core.y_bad))
             raise Stop(
@@ -429,7 +439,7 @@ class Integration:
             if self.methods.may_help() and not self.watch.near(core.t, core.state):
                 self.methods.stiff(forced=True)
                 return False
-            raise self.watch.floor(core.t, core.state, self.settings.method)
+            raise self.far_from_zero() or self.watch.floor(core.t, core.state, self.settings.method)
         if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes
@@ -447,6 +457,16 @@ class Integration:
             self.methods.order()
         core.limit(math.inf)
         return bool(status == Status.DONE)
+
+    def far_from_zero(self) -> Stop | None:
+        """Return the end of a run whose steps are too short where times are far apart."""
+        t, length = self.core.t, self.settings.t_end - self.settings.t_start
+        if abs(t) <= _FAR * length:
+            return None
+        return Stop(
+            f"the step size fell to its minimum at t = {t:.9g} s, where times differ by"
+            f" {np.spacing(abs(t)):.2g} s at least: let the run start nearer to t = 0"
+        )
 
     def check_ahead(self) -> bool:
         """Examine the path of the last steps, which approach a singular configuration."""

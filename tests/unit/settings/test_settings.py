@@ -69,7 +69,12 @@ def test_defaults_are_in_range(name: str) -> None:
         ({"times": ()}, "times must hold at least one time"),
         ({"times": (1.0, 1.0)}, "times must increase"),
         ({"times": (-1.0, 1.0)}, "times begin before t_start 0"),
-        ({"times": (1.0, 3.0), "t_end": 2}, "times go beyond t_end 2"),
+        ({"times": (1.0, 3.0), "t_end": 2}, "times go beyond t_end 2: the last one is 3"),
+        (
+            {"times": (0.1, 0.1 + 0.2), "t_end": 0.3},
+            "times go beyond t_end 0.3: the last one is 0.30000000000000004",
+        ),
+        ({"t_end": 1e-300}, "a run of 1e-300 s is shorter than steps can be, 1e-290 s"),
         ({"rtol": 1e-20}, "rtol must lie between 1e-13 and 0.1, not 1e-20"),
         ({"atol": 0.0}, "atol must be greater than 0, not 0"),
         ({"atol": {"x": -1.0}}, "atol of `x` must be greater than 0, not -1"),

@@ -64,6 +64,12 @@ def test_times_that_are_not_distinct_are_an_error(settings: dict[str, float]) ->
         sample_times(Settings(**settings))
 
 
+def test_the_distance_of_times_is_the_cause() -> None:
+    """Doubles near 1e6 are 2⁻³³ apart."""
+    with pytest.raises(UsageError, match=r"those near 1000000 s are 1\.2e-10 s apart"):
+        sample_times(Settings(t_start=1e6, t_end=1e6 + 1e-9, samples=101))
+
+
 @pytest.mark.parametrize("name", ["z", "x_dot", "x''"])
 def test_a_tolerance_of_nothing_is_an_error(name: str) -> None:
     with pytest.raises(UsageError, match=f"atol names `{name}`"):

@@ -231,6 +231,39 @@ simulation: {t_end: 1, samples: 3}
     assert (run.status, run.warnings) == ("completed", ())
 
 
+@pytest.mark.parametrize("start", [1.0, 1e-30])
+@pytest.mark.parametrize(("end", "diverges"), [(20, True), (10, False)])
+def test_a_motion_that_diverges(start: float, end: int, *, diverges: bool) -> None:
+    """x = x₀ cosh(10 t) grows by 3.6e86 in 20 s; by 1.3e43 in 10 s, as a perturbation may."""
+    run = lagcli.simulate(
+        lagcli.load_text(f"""
+coordinates: {{x: m}}
+T: x'^2/2
+V: -50*x^2
+initial: {{x: {start}, x': 0}}
+simulation: {{t_end: {end}, samples: 3}}
+""")
+    )
+    assert run.status == "completed"
+    largest = f"the motion diverges: `x` grows to {start * math.cosh(10 * end):.2g}"
+    assert [x.split(";")[0] for x in run.warnings] == [largest] * diverges
+
+
+def test_a_perturbation_that_grows_is_no_divergence() -> None:
+    """A start at an equilibrium reaches nothing, so that all growth would be infinite."""
+    run = lagcli.simulate(
+        lagcli.load_text("""
+coordinates: {x: m}
+T: x'^2/2
+V: -50*x^2
+initial: {x: 0, x': 0}
+events: {kick: {when: t >= 1, set: {x': 1e-17}}}
+simulation: {t_end: 5, samples: 3}
+""")
+    )
+    assert (run.status, run.warnings) == ("completed", ())
+
+
 def test_an_output_beyond_its_domain() -> None:
     text = OSCILLATOR + "outputs: {tilt: acos(a*x), wall: 1/(x - 1)}"
     found = lagcli.simulate(lagcli.load_text(text))

@@ -301,6 +301,14 @@ initial: {x: 6, x': 12, y: 0, y': 1}
     assert len(trajectory.time) in (100, 101)
 
 
+def test_times_that_are_far_apart_are_the_cause_of_steps_that_are_too_short() -> None:
+    """Doubles near 1e16 are 2 apart, and the pendulum has a period of 2 s."""
+    trajectory = failed(PENDULUM, t_start=1e16, t_end=1e16 + 1000, samples=2)
+    assert "where times differ by 2 s at least: let the run start nearer to t = 0" in (
+        trajectory.message
+    )
+
+
 # redundant and contradicting constraints
 
 
