@@ -20,6 +20,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
 from lagcli.model.dimensions.deriving import symbolic_unit
+from lagcli.model.hints import Hint, hints
 from lagcli.model.model import TIME, Model, check_is_model
 from lagcli.simulations.contacts import model_at_start
 from lagcli.simulations.momenta import distinct
@@ -57,6 +58,8 @@ class Check:
         Units as given and derived, and what disagrees.
     unused_parameters : mapping of str to list of str
         Parameters that nothing in the model file uses, with a similar name that is used, if any.
+    hints : tuple of Hint
+        What is probably meant otherwise: angles in degrees, kinetic energies without 1/2.
     """
 
     equations: Equations
@@ -70,6 +73,7 @@ class Check:
     time_scales: TimeScales | None
     units: UnitReport
     unused_parameters: Mapping[str, list[str]]
+    hints: tuple[Hint, ...]
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -132,6 +136,7 @@ def check(model: Model) -> Check:
         time_scales=scales,
         units=report_units(model),
         unused_parameters=unused_parameters(model),
+        hints=hints(model),
     )
 
 

@@ -13,6 +13,7 @@ from symengine import Basic
 
 from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import Combination
+from lagcli.analysis.check.units import place_of, where
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.random_states import MOST_COORDINATES
 from lagcli.equations.derivation.lagrange import ConstraintEquation
@@ -95,6 +96,7 @@ def to_mapping(checked: Check) -> dict[str, Any]:
         },
         "units": checked.units.to_mapping(),
         "unused_parameters": {name: list(x) for name, x in checked.unused_parameters.items()},
+        "hints": [{"message": x.message, "place": place_of(x.location)} for x in checked.hints],
     }
 
 
@@ -209,6 +211,7 @@ def _steps(checked: Check) -> list[Step]:
         _time_scales(checked),
         Step("Units", (), " ".join(checked.units.sentences())),
         _unused(checked),
+        _hints(checked),
     ]
     model = checked.equations.model
     indexed = IndexForm(model).steps([step for step in steps if step is not None])
@@ -377,6 +380,13 @@ def _unused(checked: Check) -> Step | None:
     ]
     more = f" and {len(unused) - _LISTED} more" if len(unused) > _LISTED else ""
     return Step("Unused parameters", (), f"Nothing uses {', '.join(shown)}{more}.")
+
+
+def _hints(checked: Check) -> Step | None:
+    if not checked.hints:
+        return None
+    said = [f"{x.message} ({where(x.location)})." for x in checked.hints[:_LISTED]]
+    return Step("Hints", (), " ".join(said))
 
 
 def _names(names: Iterable[str]) -> str:

@@ -89,7 +89,8 @@ class UnitReport:
             **{group: dict(getattr(self, group)) for group in (*groups, "forces", "outputs")},
             "converted": {name: str(x) for name, x in self.converted.items()},
             "numbers": [
-                {"text": x.text, "unit": x.unit, "place": _place(x.location)} for x in self.numbers
+                {"text": x.text, "unit": x.unit, "place": place_of(x.location)}
+                for x in self.numbers
             ],
             "findings": [_json(d) for d in self.findings],
         }
@@ -111,7 +112,7 @@ class UnitReport:
                 listed = (f"{_names(names)} in {unit}" for unit, names in by_unit.items())
                 yield f"{title}: {'; '.join(listed)}."
         if self.numbers:
-            shown = [f"`{x.text}` in {x.unit} ({_where(x.location)})" for x in self.numbers]
+            shown = [f"`{x.text}` in {x.unit} ({where(x.location)})" for x in self.numbers]
             yield f"Numbers that took a unit: {'; '.join(shown)}."
         if self.converted:
             shown = list(_conversions(self.converted))
@@ -185,17 +186,19 @@ def _json(d: Diagnostic) -> dict[str, Any]:
     return {
         "message": d.message,
         "help": d.help,
-        "places": [_place(x) for x in places if x is not None],
+        "places": [place_of(x) for x in places if x is not None],
     }
 
 
-def _place(x: SourceLocation | None) -> dict[str, Any] | None:
+def place_of(x: SourceLocation | None) -> dict[str, Any] | None:
+    """Return a location as JSON values."""
     if x is None:
         return None
     return {"file": x.path, "line": x.line, "column": x.column, "length": x.length}
 
 
-def _where(x: SourceLocation | None) -> str:
+def where(x: SourceLocation | None) -> str:
+    """Return a location in words."""
     if x is None:
         return "not in the file"
     return f"line {x.line}, column {x.column}" if x.line else x.path

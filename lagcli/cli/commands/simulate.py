@@ -21,7 +21,7 @@ from lagcli.cli.options import (
     with_settings,
 )
 from lagcli.cli.parameters import Option
-from lagcli.cli.streams import text_width
+from lagcli.cli.streams import print_notes, text_width
 from lagcli.errors import UsageError
 from lagcli.files import refuse_same_file
 from lagcli.prose import counted
@@ -140,6 +140,10 @@ def simulate(
         stream = sys.stderr if output == "-" else sys.stdout
         text = summary.format_summary(result, loaded, text_width(stream))
         print_listing(text, summary.LABEL, stream, plain=no_color, lost=bool(written))
+    if not quiet:
+        from lagcli.model.hints import hints
+
+        print_notes(map(str, hints(loaded)))
     if record.status in ENDED:
         for warning in record.warnings:
             print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)
