@@ -38,12 +38,8 @@ from lagcli.model.sections.definitions import (
     read_functions,
     read_outputs,
 )
-from lagcli.model.sections.energies import (
-    first_order_constraints,
-    read_energies,
-    read_forces,
-    read_scalar,
-)
+from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
+from lagcli.model.sections.first_order import first_order_constraints
 from lagcli.model.sections.initial import read_closed, read_initial
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings

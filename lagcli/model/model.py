@@ -176,7 +176,8 @@ class Constraint(NamedTuple):
     and a velocity constraint with bounded λ has a ``limit``. A constraint that is not ``active``
     can be engaged by an event. The friction of a constraint is a separate constraint, after it in
     the model's order: ``floor.slip``. Two kinds of constraints are not written in the file: the
-    equation of a first-order coordinate, ``x.rate``, which has no ``left`` and whose λ is 0; and
+    equation of a first-order coordinate, ``x.rate``, which has no ``left`` and whose λ is 0
+    (``projected`` if it is a combination of equations that does not contain the λ of others); and
     dry friction in Q or D, ``x.sign``.
     """
 
@@ -192,6 +193,12 @@ class Constraint(NamedTuple):
     restitution: Basic | None = None
     limit: MultiplierLimit | None = None
     active: bool = True
+    projected: bool = False
+
+    @property
+    def of_coordinate(self) -> bool:
+        """Whether it is the equation of a first-order coordinate."""
+        return self.left is None
 
     @property
     def sign(self) -> int:

@@ -40,7 +40,7 @@ typedef struct {
     double *atol;                      /* n: of the next step ... */
     double *rounding;                  /* ... and what rounding errors need of it */
     const double *given;               /* n: given tolerances; 0 if they follow the size */
-    double *size, *acceleration_terms, *future_acceleration;      /* n, nq, nq: S, A and R of sizes.h */
+    double *size, *acceleration_terms, *future_acceleration;      /* n, nq + 1, nq: S, A and P, R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */

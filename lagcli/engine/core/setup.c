@@ -117,7 +117,7 @@ static void allocate(lag_run *run)
     step->work = lag_doubles(pool, 2 * (n + size) + 3 * nc);
     run->tolerances.size = lag_doubles(pool, n);
     run->tolerances.rounding = lag_doubles(pool, n);
-    run->tolerances.acceleration_terms = lag_doubles(pool, nq);
+    run->tolerances.acceleration_terms = lag_doubles(pool, nq + 1);
     run->tolerances.future_acceleration = lag_doubles(pool, nq);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
     run->tolerances.terms = lag_doubles(pool, 2 * kinds + nq);

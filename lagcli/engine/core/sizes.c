@@ -181,6 +181,15 @@ static int derivative_by_side(lag_run *run, int side, double *f)
 #endif
 }
 
+/* Whether a coordinate has no inertia. */
+static int has_massless(const lag_system *s)
+{
+    for (int i = 0; i < s->nq / s->blocks; ++i)
+        if (s->mass_diagonal[i] < 0)
+            return 1;
+    return 0;
+}
+
 void lag_sizes_start(lag_run *run)
 {
     const int nq = run->system.nq;
@@ -194,6 +203,10 @@ void lag_sizes_start(lag_run *run)
         const double noise = undefined ? 0.0 : fabs(rates[1][nq + i] - rates[0][nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
         run->tolerances.acceleration_terms[i] = fmax(run->tolerances.acceleration_terms[i], a);
+    }
+    if (!undefined && has_massless(&run->system)) {
+        const double power = fabs(rates[1][2 * nq] - rates[0][2 * nq]) / DBL_EPSILON;
+        run->tolerances.acceleration_terms[nq] = fmax(run->tolerances.acceleration_terms[nq], power);
     }
     memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < nq; ++i) {
@@ -213,7 +226,7 @@ void lag_sizes_start(lag_run *run)
 
 int lag_sizes_again(lag_run *run)
 {
-    memset(run->tolerances.acceleration_terms, 0, (size_t)run->system.nq * sizeof(double));
+    memset(run->tolerances.acceleration_terms, 0, (size_t)(run->system.nq + 1) * sizeof(double));
     if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
     lag_sizes_start(run);
@@ -282,8 +295,9 @@ void lag_sizes_update(lag_run *run)
                                          + ROUNDING * all + noise + NO_SIZE;
         }
     raise_to(size + 2 * nq, fabs(run->step.y[2 * nq]));
+    const double energy = fmax(size[2 * nq], run->step.h * run->tolerances.acceleration_terms[nq]);
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
-                                                 : FOLLOWING * run->settings.rtol * size[2 * nq] + NO_SIZE;
+                                                 : FOLLOWING * run->settings.rtol * energy + NO_SIZE;
     if (run->derivatives.n)
         sizes_of_changes(run);
 }

@@ -117,7 +117,7 @@ static void tolerances(lag_archive *a, lag_run *run)
     const int nq = run->system.nq, n = lag_size(&run->system);
     lag_archive_reals(a, t->atol, n);
     lag_archive_reals(a, t->size, n);
-    lag_archive_reals(a, t->acceleration_terms, nq);
+    lag_archive_reals(a, t->acceleration_terms, nq + 1);
     lag_archive_reals(a, t->future_acceleration, nq);
     lag_archive_reals(a, t->largest, INT64_C(2) * t->kinds);
     number(a, &t->since);

@@ -40,7 +40,7 @@ static void batch_sizes_start(lag_batch *s, int lanes)
         if (!HAS(lanes, l))
             continue;
         lag_run *run = batch_single(s, l, s->y);
-        memset(run->tolerances.acceleration_terms, 0, (size_t)nq * sizeof(double));
+        memset(run->tolerances.acceleration_terms, 0, (size_t)(nq + 1) * sizeof(double));
         memset(run->tolerances.future_acceleration, 0, (size_t)nq * sizeof(double));
         if (!lag_derivative(run, run->step.t, run->step.y, run->step.f))
             lag_sizes_start(run);
@@ -48,6 +48,7 @@ static void batch_sizes_start(lag_batch *s, int lanes)
             s->acceleration_terms[i * LAG_LANES + l] = run->tolerances.acceleration_terms[i];
             s->future_acceleration[i * LAG_LANES + l] = run->tolerances.future_acceleration[i];
         }
+        s->acceleration_terms[nq * LAG_LANES + l] = run->tolerances.acceleration_terms[nq];
     }
 }
 
@@ -85,8 +86,9 @@ static void batch_sizes_update(lag_batch *s, int lanes)
         const int w = 2 * nq * LAG_LANES + k;
         const vec size = larger(magnitude(READ(s->y + w)), READ(s->size + w));
         AT(s->size + w) = choose(chosen, size, READ(s->size + w));
+        const vec work = READ(s->h + k) * READ(s->acceleration_terms + nq * LAG_LANES + k);
         const vec tolerance = single->tolerances.given[2 * nq] > 0.0 ? all(single->tolerances.given[2 * nq])
-                                                      : following * size + NO_SIZE;
+                                                      : following * larger(size, work) + NO_SIZE;
         AT(s->atol + w) = choose(chosen, tolerance, READ(s->atol + w));
     }
 }
