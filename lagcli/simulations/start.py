@@ -28,7 +28,7 @@ from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError, check_argument
-from lagcli.model.model import InitialValue, Model, velocity
+from lagcli.model.model import RATE, InitialValue, Model, velocity
 from lagcli.model.names.members import families
 from lagcli.settings.settings import DEFAULTS
 
@@ -76,6 +76,8 @@ def find_start(
     except UndefinedStart as error:
         raise _undefined_start(equations, error.state) from None
     except NoConsistentState as error:
+        if any(x.constraint.endswith(RATE) for x in error.violations):
+            _check_first_order(model, system, given)
         raise _no_start(model, error) from None
     except VanishingGradient as error:
         raise _no_gradient(model, error.constraints) from None
@@ -117,8 +119,13 @@ def freedom_at(
         rows, rank = held_at(system, start, _closed(equations.model, closed))
         held = tuple(names[i] for i in rows)
     sets = dependent_sets(system, start.state, rank, rows)
-    redundant = (RedundantSet(tuple(names[i] for i in of), surplus) for of, surplus in sets)
-    return DegreesOfFreedom(len(equations.q), len(rows), rank, tuple(redundant), held)
+    named = ((tuple(names[i] for i in of), surplus) for of, surplus in sets)
+    redundant = tuple(
+        RedundantSet(of, surplus)
+        for of, surplus in named
+        if not all(name.endswith(RATE) for name in of)  # their λ are 0
+    )
+    return DegreesOfFreedom(len(equations.q), len(rows), rank, redundant, held)
 
 
 #: Random states at which the rank of B is compared with that of the start: any one has the largest
@@ -370,10 +377,19 @@ def _check_inertia(equations: Equations, system: System, start: ConsistentState)
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:
         raise _undefined_start(equations, state)
-    values, directions = _free_inertia(d, system, start.rank)
-    weakest = int(np.argmin(np.abs(values))) if len(values) else 0
-    if len(values) and abs(values[weakest]) <= 1e-12:
-        raise _no_inertia(equations.model, _moving(system, directions[:, weakest]))
+    if moving := _without_inertia(d, system, start.rank):
+        raise _no_inertia(equations.model, moving)
+
+
+def _check_first_order(model: Model, system: System, state: State) -> None:
+    """Reject first-order coordinates whose equations do not determine their velocities."""
+    from lagcli.engine.linear.dense import count_rank
+
+    d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
+    if d.finite:
+        rank = count_rank(d.jacobian[list(system.held_at_start)])
+        if moving := _without_inertia(d, system, rank):
+            raise _undetermined(model, moving)
 
 
 def _own_sizes(mass: Array) -> Array:
@@ -394,6 +410,15 @@ def _free_inertia(d: Dynamics, system: System, rank: int) -> tuple[Array, Array]
     reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
     values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
     return values, size[:, None] * (basis @ vectors)
+
+
+def _without_inertia(d: Dynamics, system: System, rank: int) -> list[str]:
+    """Return the coordinates that change in an admissible motion without inertia."""
+    values, directions = _free_inertia(d, system, rank)
+    weakest = int(np.argmin(np.abs(values))) if len(values) else 0
+    if not len(values) or abs(values[weakest]) > 1e-12:
+        return []
+    return _moving(system, directions[:, weakest])
 
 
 def _moving(system: System, direction: Array) -> list[str]:
@@ -421,9 +446,25 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
             f"`{key}` gives {what} no inertia{reason} and no constraint determines it: the"
             " acceleration is undetermined",
             places.location(places.entry(key)),
-            "give it a mass, or a constraint"
+            "give it a mass, damping in `D`, or a constraint"
             + (f", for instance `--set {massless[0]}=1`" if massless else ""),
             tuple(notes),
+        )
+    )
+
+
+def _undetermined(model: Model, coordinates: list[str]) -> NumericalError:
+    names = ", ".join(f"`{name}`" for name in coordinates)
+    declared = {c.name: c.location for c in model.coordinates}
+    of, their = ("s", "their velocities") if len(coordinates) > 1 else ("", "its velocity")
+    return NumericalError(
+        Diagnostic(
+            "first-order",
+            f"the coordinate{of} {names} {'have' if of else 'has'} no inertia, and the equations do"
+            f" not determine {their}: the matrix of the velocities in them is singular",
+            declared[coordinates[0]],
+            "give one of them damping in `D`, or a mass; without damping, the matrix is"
+            " antisymmetric, and singular for an odd number of free coordinates",
         )
     )
 

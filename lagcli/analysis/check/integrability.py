@@ -75,6 +75,8 @@ def check_integrability(
     """
     results: dict[str, VelocityConstraint] = {}
     for c in equations.constraints:
+        if c.constraint.of_coordinate:
+            continue
         if c.constraint.kind != "nonholonomic":
             continue
         alone = integrable(c, equations)

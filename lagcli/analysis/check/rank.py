@@ -18,6 +18,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import decompose
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
+from lagcli.model.model import RATE
 
 #: Entries of normalized combinations above this count: vanishing ones are about 1e-8, the tolerance
 #: of the rank.
@@ -97,7 +98,8 @@ def check_rank(
     if start.rank == len(names):
         return RankCheck(freedom, ranks, names, (), (), near)
     null = _null_space(system, start)
-    loose = np.abs(null).max(axis=1) > _COUNTS
+    of_coordinate = np.array([name.endswith(RATE) for name in names])  # whose λ is 0
+    loose = (np.abs(null).max(axis=1) > _COUNTS) & ~of_coordinate
     unique = tuple(n for n, x in zip(names, loose, strict=True) if not x)
     sets = [[names.index(n) for n in x.constraints] for x in freedom.redundant]
     return RankCheck(

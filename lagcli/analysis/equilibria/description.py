@@ -10,6 +10,7 @@ import numpy as np
 
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
 from lagcli.analysis.equilibria.equilibrium import Equilibria, Equilibrium
+from lagcli.analysis.local.clocked import clocked_notes
 from lagcli.analysis.local.contacts import contact_lines, describe_contacts
 from lagcli.analysis.output.tables import (
     ModelName,
@@ -23,6 +24,7 @@ from lagcli.analysis.output.tables import (
     StateQuantity,
     UnitText,
     more,
+    note_remarks,
     state_quantities,
     unit_of,
 )
@@ -44,6 +46,7 @@ def describe_equilibria(result: Equilibria) -> dict[str, Any]:
         "starts": result.starts,
         "equilibria": [_described(x, result) for x in result.equilibria],
         "ignored": dict(result.ignored),
+        "notes": list(clocked_notes(result.model)),
     }
 
 
@@ -109,6 +112,8 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
         remedy = "" if steady else f'; --steady "{first}={value:.6g}" finds a motion with it'
         what = "the steady motion does not have" if steady else "equilibria are at rest, without"
         lines += entry("note", f"{what} initial velocities of the file: {given}{remedy}", 2)
+    for note in content["notes"]:
+        lines += entry("note", note, 2)
     return "\n".join(lines)
 
 
@@ -180,6 +185,7 @@ def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
         "branches": [_branch(branch, diagram) for branch in diagram.branches],
         "special_points": [_special(point, diagram) for point in diagram.special],
         "contacts": describe_contacts(diagram.contacts),
+        "notes": list(clocked_notes(diagram.model)),
     }
 
 
@@ -268,6 +274,8 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             before, after = map(shown_verdict, point["stability"])
             lines += entry("verdict", f"{before}, then {after}", 4)
         lines += state_lines(point, 4, rates=False)
+    for note in content["notes"]:
+        lines += entry("note", note, 2)
     return "\n".join(lines)
 
 
@@ -326,7 +334,8 @@ def equilibria_sections(
     """Return the section of equilibria; ``units`` by coordinate, and of λ by column."""
     equilibria = content["equilibria"]
     if not equilibria:
-        return [ResultSection("equilibria", "Equilibria", [Remark("None were found.")])]
+        nothing = [Remark("None were found."), *note_remarks(content["notes"])]
+        return [ResultSection("equilibria", "Equilibria", nothing)]
     shown = equilibria[:_EQUILIBRIA]
     rows = [
         StateQuantity("Stability", UnitText(), [x["stability"] for x in shown]),
@@ -345,7 +354,11 @@ def equilibria_sections(
     ]
     starts = content["starts"]
     caption = Phrase(f"{len(equilibria)} from {starts} starts" if starts > 1 else "Found")
-    blocks: list[SectionBlock] = [ResultTable(caption, columns), *more(len(equilibria), len(shown))]
+    blocks: list[SectionBlock] = [
+        ResultTable(caption, columns),
+        *more(len(equilibria), len(shown)),
+        *note_remarks(content["notes"]),
+    ]
     return [ResultSection("equilibria", "Equilibria", blocks)]
 
 
@@ -364,7 +377,11 @@ def diagram_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> li
         ),
     )
     plot = PlotPlace(f"Branches of equilibria over {name}")
-    listed: list[SectionBlock] = [plot, ResultTable(Phrase("Branches"), table)]
+    listed: list[SectionBlock] = [
+        plot,
+        ResultTable(Phrase("Branches"), table),
+        *note_remarks(content["notes"]),
+    ]
     sections = [ResultSection("branches", "Equilibria over", listed, (name,))]
     if points:
         frequencies = [x["frequency"] for x in points]

@@ -32,6 +32,7 @@ from lagcli.analysis.output.tables import (
     TextColumn,
     more,
     names_of,
+    note_remarks,
     state_quantities,
     unit_of,
 )
@@ -194,11 +195,10 @@ def _point_section(content: Mapping[str, Any], units: Mapping[str, str]) -> Resu
         ResultColumn("Unit", [x.unit for x in shown]),
     )
     caption = Phrase(f"About {point['name']}, t = {{}} s", (point["time"],))
-    notes = [Remark(f"{x[0].upper()}{x[1:]}.", kind="note") for x in content["notes"]]
     blocks: list[SectionBlock] = [
         ResultTable(caption, columns),
         *more(len(rows), len(shown)),
-        *notes,
+        *note_remarks(content["notes"]),
     ]
     return ResultSection("point", "Operating point", blocks)
 

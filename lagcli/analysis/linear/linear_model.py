@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.local.clocked import clocked_notes
 from lagcli.analysis.local.gradients import Gradients, ParameterPath, Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint, multipliers_of
@@ -23,7 +24,7 @@ from lagcli.engine.system import State
 from lagcli.equations.derivation.column_expressions import REPORTED, column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import UsageError
-from lagcli.model.model import Model, check_is_model
+from lagcli.model.model import RATE, Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
 
 if TYPE_CHECKING:
@@ -193,6 +194,7 @@ def _unknown(what: str, name: str, known: Sequence[str], kind: str) -> UsageErro
 Form = Literal["reduced", "descriptor"]
 FORMS: tuple[Form, ...] = ("reduced", "descriptor")
 
+_TAKES_PART = 1e-6  # of a constraint in a dependency: less is a rounding error
 #: Accelerations below this part of the motion's squared rates are rounding errors.
 _TURNING = 1e-9
 #: Multipliers below this part of the terms' magnitudes are rounding errors.
@@ -331,7 +333,7 @@ def linear_model(
         constraints=system.constraints,
         inputs=inputs.names,
         outputs=outputs.names,
-        notes=_notes(local, operating_point, form),
+        notes=(*_notes(local, operating_point, form), *clocked_notes(model)),
         **matrices,
     )
 
@@ -463,7 +465,8 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
         if ignored:
             given = ", ".join(f"{q} = {x:.6g}" for q, x in list(ignored.items())[:6])
             notes.append(f"{name} does not have initial velocities of the file: {given}")
-    nc, rank = len(point.multipliers), operating_point.tangent.decomposition.rank
+    d = operating_point.tangent.decomposition
+    nc, rank = len(point.multipliers), d.rank
     if len(point.q) <= MOST_COORDINATES:
         state = State(point.t, point.q, point.v, point.p)
         near = almost_dependent(local.system, state, rank)
@@ -472,7 +475,8 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
                 f"{name} is next to a singular configuration, in which {', '.join(near)} are"
                 " dependent: the matrices change much over a small distance"
             )
-    if rank < nc:
+    of_forces = [i for i, c in enumerate(local.system.constraints) if not c.endswith(RATE)]
+    if np.abs(d.dependent[of_forces]).max(initial=0.0) > _TAKES_PART:
         notes.append(
             f"{nc - rank} of {nc} constraints are redundant: δλ is the one of least norm, only the"
             " constraint forces are unique"

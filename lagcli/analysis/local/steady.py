@@ -180,7 +180,8 @@ class SteadyProblem:
 
     v and a are functions of q: independent velocities have given values, 0 without one, and no
     accelerations; the others follow from ψ = 0 and B a = γ. Without given velocities and
-    explicit time v = a = 0, and the roots are the equilibria ∂V/∂q − Q = Bᵀλ.
+    explicit time v = a = 0, and the roots are the equilibria ∂V/∂q − Q = Bᵀλ. The velocities of
+    first-order coordinates are independent too: their equations are rows of R, not constraints.
 
     Parameters
     ----------
@@ -208,22 +209,11 @@ class SteadyProblem:
         self.local, self.t = local, local.t
         self.unknown, self.conditions = tuple(unknown), tuple(conditions)
         names = local.system.coordinates
-        first_order = [c for c in local.system.constraints if c.endswith(RATE)]
-        if first_order:
-            name = first_order[0].removesuffix(RATE)
-            coordinate = next(c for c in local.model.coordinates if c.name == name)
-            raise UsageError(
-                Diagnostic(
-                    "not-supported",
-                    f"`{name}` is a first-order coordinate, but equilibria need coordinates with"
-                    " inertia",
-                    coordinate.location,
-                    "simulate until the motion has died out, or give it a mass",
-                )
-            )
         self.held = {names.index(name): value for name, value in (held or {}).items()}
         self.sought = tuple(names.index(name) for name in self.unknown)
         self.nq, self.holonomic = len(names), list(local.system.holonomic)
+        #: The equations of first-order coordinates, which are among those of R.
+        self.balances = [i for i, c in enumerate(local.system.constraints) if c.endswith(RATE)]
 
     def with_target(self, number: int, value: float) -> SteadyProblem:
         """Return the problem with another value of a condition."""
@@ -273,6 +263,7 @@ class SteadyProblem:
         evaluator = self.local.evaluator(p)
         zero = np.zeros(self.nq)
         c = evaluator.constraints(self.t, q, zero)
+        c = c._replace(jacobian=self._without_balances(c.jacobian))
         sizes = evaluator.sizes(self.t, q, zero)
         if not (np.isfinite(c.jacobian).all() and np.isfinite(sizes).all()):
             return self._undefined(q, multipliers, p, speeds)
@@ -288,6 +279,7 @@ class SteadyProblem:
         inertial = dynamics.mass_matrix @ a
         if self.local.reactive is not None:
             dynamics = self.local.dynamics(Point(self.t, q, v, a, multipliers, p))
+        dynamics = dynamics._replace(jacobian=self._without_balances(dynamics.jacobian))
         balance = dynamics.forcing - inertial + dynamics.jacobian.T @ multipliers
         scale = np.abs(dynamics.forcing) + np.abs(dynamics.mass_matrix) @ np.abs(a)
         scale += np.abs(dynamics.jacobian.T) @ np.abs(multipliers)
@@ -305,6 +297,14 @@ class SteadyProblem:
             dynamics,
             speeds,
         )
+
+    def _without_balances(self, jacobian: Array) -> Array:
+        """Return B with zeros in the rows that are equations of first-order coordinates."""
+        if not self.balances:
+            return jacobian
+        jacobian = jacobian.copy()
+        jacobian[self.balances] = 0.0
+        return jacobian
 
     def _velocity(
         self, q: Array, speeds: Array, drift: Array, free: IndependentVelocities

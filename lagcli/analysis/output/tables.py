@@ -206,6 +206,11 @@ def more(count: int, shown: int) -> list[Remark]:
     return [Remark(f"And {rest} more in the file.", kind="note")] if rest > 0 else []
 
 
+def note_remarks(notes: Sequence[str]) -> list[Remark]:
+    """Return the notes of an analysis as sentences."""
+    return [Remark(f"{x[0].upper()}{x[1:]}.", kind="note") for x in notes]
+
+
 def names_of(names: Sequence[str]) -> list[tuple[str, None]]:
     """Return the names of a remark without numbers."""
     return [(name, None) for name in names]

@@ -130,7 +130,11 @@ def simulate(
         "total": now - began,
     }
     written = output if kept else None
-    nonlinear = [c.name for c in simulation.model.constraints if c.kind == "nonlinear"]
+    nonlinear = [
+        c.name
+        for c in simulation.model.constraints
+        if c.kind == "nonlinear" and not c.of_coordinate
+    ]
     result = summary.summarize(record, extremes, simulation.initial, written, seconds, nonlinear)
     if json:
         print(summary.to_json(result))

@@ -181,13 +181,22 @@ static int derivative_by_side(lag_run *run, int side, double *f)
 #endif
 }
 
-/* Whether a coordinate has no inertia. */
-static int has_massless(const lag_system *s)
+/* Find P: the forces of coordinates without inertia do as much work as is missing where one of their velocities is a
+ * part of it larger. */
+static void count_power(lag_run *run, double *f)
 {
-    for (int i = 0; i < s->nq / s->blocks; ++i)
-        if (s->mass_diagonal[i] < 0)
-            return 1;
-    return 0;
+    const lag_system *s = &run->system;
+    const double part = 0x1p-20;
+    double power = 0.0, *y = run->step.y_new;
+    for (int i = 0; i < s->nq / s->blocks; ++i) {
+        if (s->mass_diagonal[i] >= 0 || run->step.y[s->nq + i] == 0.0)
+            continue;
+        memcpy(y, run->step.y, (size_t)lag_size(s) * sizeof(double));
+        y[s->nq + i] *= 1.0 + part;
+        if (!lag_derivative(run, run->step.t, y, f))
+            power += fabs(f[2 * s->nq] - run->step.f[2 * s->nq]) / part;
+    }
+    run->tolerances.acceleration_terms[s->nq] = power;
 }
 
 void lag_sizes_start(lag_run *run)
@@ -198,16 +207,13 @@ void lag_sizes_start(lag_run *run)
     for (int side = 0; side < 2; ++side) {
         undefined |= derivative_by_side(run, side, rates[side]);
     }
-    run->system.dynamics.registers[0] = NAN;
     for (int i = 0; i < nq; ++i) {
         const double noise = undefined ? 0.0 : fabs(rates[1][nq + i] - rates[0][nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
         run->tolerances.acceleration_terms[i] = fmax(run->tolerances.acceleration_terms[i], a);
     }
-    if (!undefined && has_massless(&run->system)) {
-        const double power = fabs(rates[1][2 * nq] - rates[0][2 * nq]) / DBL_EPSILON;
-        run->tolerances.acceleration_terms[nq] = fmax(run->tolerances.acceleration_terms[nq], power);
-    }
+    count_power(run, rates[0]);
+    run->system.dynamics.registers[0] = NAN;
     memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < nq; ++i) {
         double *largest = run->tolerances.largest + run->tolerances.kind[i];

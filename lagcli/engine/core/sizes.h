@@ -7,8 +7,8 @@
  *     atol_i = FOLLOWING rtol S_i + rounding,
  *
  * S_i the largest |y_i| so far. Of the work W it is the largest kinetic energy, and of systems that have coordinates
- * without inertia at least h P, where P is the size of what the power is made of at the start: what it changes by
- * between rounding up and rounding down, over the rounding unit. Rounding is what
+ * without inertia at least h P, where P is the sum of the magnitudes of their forces times velocities at the start.
+ * Rounding is what
  * double precision leaves uncertain, below which step control would chase noise:
  *
  *   - ROUNDING times the largest size of coordinates (or velocities) of the same kind: those that the

@@ -152,8 +152,9 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
         return f"unilateral, {time}"
     if c.constraint.from_sign:
         return f"{c.constraint.description}: it sticks or slips"
-    if c.constraint.left is None:
-        return "the equation of a first-order coordinate; its multiplier is 0"
+    if c.constraint.of_coordinate:
+        without = " without constraint forces" if c.constraint.projected else ""
+        return f"the equation of a first-order coordinate{without}; its multiplier is 0"
     if c.position is not None:
         return f"holonomic, {time}"
     if c.constraint.kind == "nonlinear":
@@ -181,7 +182,10 @@ def convention(f: Formulas) -> Step:
             "λ has the sign of the general equations (8.85); lhs and rhs are the sides of"
             f" constraint {signs.row} as written."
         )
-        if any(c.constraint.kind == "nonlinear" for c in f.equations.constraints):
+        if any(
+            c.constraint.kind == "nonlinear" and not c.constraint.of_coordinate
+            for c in f.equations.constraints
+        ):
             remark += (
                 " Chetaev's rule, a postulate, puts the force of a constraint that is nonlinear in"
                 f" the velocities along ∂{signs.velocity_residual}/∂q̇; such a force may do work."

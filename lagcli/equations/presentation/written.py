@@ -108,7 +108,7 @@ def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     scope = scope_of(model)
     scope.values.update(constraint.indices)
     sides = (constraint.left, constraint.right)
-    if constraint.left is None:
+    if constraint.of_coordinate:
         return (constraint.expression,)
     return tuple(build(side, scope).value for side in sides if side is not None)
 

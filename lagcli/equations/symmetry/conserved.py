@@ -20,6 +20,7 @@ from lagcli.equations.symmetry.linear import (
     Monomials,
     Symmetry,
     coefficients,
+    conditions_of,
     lasting_symmetries,
     rational,
     symbolic,
@@ -249,11 +250,11 @@ class Proof:
 
     def constraint_products(self, beta: int) -> Iterator[tuple[Basic, Basic]]:
         """Yield the factors of the products in b_β·ξ + τ b_0."""
-        c = self.equations.constraints[beta]
-        for i, b in c.row.items():
+        row, drift = conditions_of(self.equations.constraints[beta])
+        for i, b in row.items():
             if i in self.quantity.field:
                 yield b, self.quantity.field[i]
-        yield self.quantity.time, c.drift
+        yield self.quantity.time, drift
 
     def multiple(self, beta: int) -> Basic:
         """Return Σ_γ μ_βγ φ_γ."""

@@ -4,6 +4,8 @@ Along a motion, for any field ξ(q) and number τ, with h = p·v − L,
 
     d/dt (p·ξ − τ h) = ξ·∂L/∂q + p·ξ̇ + Q·ξ + τ (∂L/∂t − Q·v) + λ·(B ξ + τ b_0).
 
+The λ of the equations of first-order coordinates are 0.
+
 So p·ξ − τ h − F is conserved if B ξ + τ b_0 vanishes on the constraints and the rest is dF/dt:
 Noether's theorem for constrained systems, of which Jacobi's integral is the case ξ = 0. With
 
@@ -30,7 +32,7 @@ from typing import Literal, NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, Row
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.algebra import count_terms, expand_terms
 from lagcli.model.expression.functions import parts_of
@@ -374,6 +376,11 @@ def linear_symmetries(
     return [_symmetry(vectors[place], known) for place in kept], extent
 
 
+def conditions_of(c: ConstraintEquation) -> tuple[Row, Basic]:
+    """Return b and b_0 of a constraint; zeros if its λ is 0, so that it does no work."""
+    return ({}, ZERO) if c.constraint.of_coordinate else (c.row, c.drift)
+
+
 class _Conditions:
     """The two conditions as equations for the unknowns."""
 
@@ -385,8 +392,9 @@ class _Conditions:
         self.momenta = [write(p) for p in eq.momenta]
         power = se.Add(*[f * v for f, v in zip(applied, eq.v, strict=True)])
         self.time = write(-eq.time_power - power)
-        self.rows = [{j: write(b) for j, b in c.row.items()} for c in eq.constraints]
-        self.drifts = [write(c.drift) for c in eq.constraints]
+        conditions = [conditions_of(c) for c in eq.constraints]
+        self.rows = [{j: write(b) for j, b in row.items()} for row, _ in conditions]
+        self.drifts = [write(drift) for _, drift in conditions]
         self.positions = [write(c.position) for c in eq.constraints if c.position is not None]
 
     @property
@@ -513,11 +521,12 @@ def _absent(equations: Equations) -> list[Symmetry]:
     """Return the translations along coordinates that do not occur, and that of time."""
     eq, absent = equations, []
     inside = eq.lagrangian.free_symbols
-    on = {i for c in eq.constraints for i in c.row}
+    conditions = [conditions_of(c) for c in eq.constraints]
+    on = {i for row, _ in conditions for i in row}
     for i, (x, force) in enumerate(zip(eq.q, eq.applied_forces, strict=True)):
         if x not in inside and i not in on and force == ZERO:
             absent.append(Symmetry({}, {i: Fraction(1)}, Fraction(0), {}, {}, {}))
     forces = any(force != ZERO for force in eq.applied_forces)
-    if not (forces or TIME in inside or any(c.drift != ZERO for c in eq.constraints)):
+    if not (forces or TIME in inside or any(drift != ZERO for _, drift in conditions)):
         absent.append(Symmetry({}, {}, Fraction(1), {}, {}, {}))
     return absent

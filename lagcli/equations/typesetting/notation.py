@@ -11,7 +11,6 @@ from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Self
 
-from lagcli.columns import SLIP
 from lagcli.equations.typesetting.latex_symbol import (
     Accent,
     InvalidLatex,
@@ -298,9 +297,10 @@ class Notation:
         """Return λ, with the constraint's name if there are several."""
         if self._single:
             return "λ"
-        name, dot, friction = constraint.partition(SLIP)
-        family, bracket, index = name.removesuffix("]").partition("[")
-        return f"λ_{family}{_text_index(index) if bracket else ''}{dot}{friction}"
+        member = _MEMBER.fullmatch(constraint)
+        if member is None:
+            return f"λ_{constraint}"
+        return f"λ_{member[1]}{_text_index(member[2][1:-1])}{member[3]}"
 
     def latex_multiplier(self, constraint: str) -> str:
         """Return λ in LaTeX."""

@@ -202,6 +202,8 @@ class _Statements:
         self.known.multipliers.update(self._table(multipliers))
 
     def _residual(self, c: Constraint) -> Value:
+        if c.projected:
+            return UNKNOWN
         if c.left is None:
             force = find(self.known.names, c.name.removesuffix(RATE))
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
