@@ -378,7 +378,8 @@ def _check_inertia(equations: Equations, system: System, start: ConsistentState)
     if not d.finite:
         raise _undefined_start(equations, state)
     if moving := _without_inertia(d, system, start.rank):
-        raise _no_inertia(equations.model, moving)
+        of_rates = any(name + RATE in system.constraints for name in moving)
+        raise (_undetermined if of_rates else _no_inertia)(equations.model, moving)
 
 
 def _check_first_order(model: Model, system: System, state: State) -> None:

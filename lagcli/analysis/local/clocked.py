@@ -1,4 +1,4 @@
-"""What analyses of the continuous motion leave out: events with clocks, as of sampled controllers."""
+"""Events with clocks, as of sampled controllers, which analyses of small motions leave out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ def clocked_notes(model: Model) -> tuple[str, ...]:
     """
     return tuple(
         f"event `{event.name}`, {event.when}, is left out, and what it sets keeps its value: the"
-        f" motion with it ({acts}) may be stable where this is not, and unstable where this is stable"
+        f" motion with it ({acts}) may be stable where this is not, and unstable where this is"
+        " stable"
         for event in model.events
         if event.clock is not None and (acts := _acts(event.action))
     )

@@ -25,7 +25,7 @@ from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.errors import Diagnostic, NumericalError, UsageError
+from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import RATE, Model
 from lagcli.model.spelling import did_you_mean, nearest
 

@@ -230,9 +230,10 @@ class _FirstOrder:
         """Return the constraint of an equation; None if it has an error."""
         coordinate_, names = self.coordinates[i], self.draft.names
         rates = sorted((s for s in equation.free_symbols if s.name.endswith("'")), key=str)
+        nonlinear = ((nonlinear_in, velocities), (kinked_in, rates))
         if any(s.name.startswith("lambda.") for s in equation.free_symbols):
             wrong, help_ = "depends on multipliers", "give the coordinate a mass"
-        elif nonlinear_in(equation, velocities) or kinked_in(equation, rates):
+        elif any(f(equation, x) is not None for f, x in nonlinear):
             wrong = "is not linear in the velocities"
             help_ = "let D be quadratic in the velocities, or give the coordinate a mass"
         else:
@@ -317,10 +318,10 @@ def _projected(b: Sequence[Sequence[Basic]], psi: Sequence[Basic]) -> list[Basic
     """Return (det(b bᵀ) I − bᵀ adj(b bᵀ) b) ψ."""
     gram = [[_product(x, y) for y in b] for x in b]
     forces = [_product(row, psi) for row in b]
-    solved = [  # Cramer's rule
-        _determinant([[*row[:k], force, *row[k + 1 :]] for row, force in zip(gram, forces, strict=True)])
-        for k in range(len(b))
-    ]
+    solved = []
+    for k in range(len(b)):  # Cramer's rule
+        pairs = zip(gram, forces, strict=True)
+        solved.append(_determinant([[*row[:k], force, *row[k + 1 :]] for row, force in pairs]))
     whole = _determinant(gram)
     columns = zip(*b, strict=True)
     return [whole * x - _product(c, solved) for x, c in zip(psi, columns, strict=True)]
