@@ -293,3 +293,35 @@ def test_a_branch_that_ends_within_the_range_is_reported(
     for end, stops in (("4", True), ("1.5", False)):
         assert run(["equilibrium", str(model), "--along", f"s=0:{end}"]) == 0
         assert ("no further point was found" in capsys.readouterr().out) == stops
+
+
+SAMPLED = str(MODELS / "contact" / "sampled_pendulum.yaml")
+LEFT_OUT = "event `sample`, every T_s from delay, is left out"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["equilibrium"],
+        ["equilibrium", "--along", "g=9 m/s^2:10 m/s^2"],
+        ["modes", "--equilibrium"],
+        ["linearize"],
+    ],
+)
+def test_clocked_events_that_are_left_out_are_named(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The sampled controller holds the pendulum, which the analyses call unstable."""
+    name, *options = command
+    assert run([name, SAMPLED, *options]) == 0
+    assert LEFT_OUT in " ".join(capsys.readouterr().out.split())
+    assert run([name, SAMPLED, *options, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert any(LEFT_OUT in note for note in content["notes"])
+    file, page = str(tmp_path / "analysis.h5"), tmp_path / "page.html"
+    assert run([name, SAMPLED, *options, "-o", file]) == 0
+    assert run(["info", file]) == 0
+    assert LEFT_OUT in " ".join(capsys.readouterr().out.split())
+    assert run(["report", file, "-o", str(page)]) == 0
+    assert "is left out" in page.read_text()
+

@@ -240,6 +240,8 @@ def _run_reduced(simulation: Simulation, row: ComparedRow) -> ComparedRun:
         return ComparedRun(row, "not available", "not for contacts and events")
     if row.formulation == "second" and len(system.holonomic) < len(system.constraints):
         return ComparedRun(row, "not available", "a constraint is nonholonomic")
+    if row.formulation == "maggi" and system.nonlinear:
+        return ComparedRun(row, "not available", "a constraint is nonlinear in the velocities")
     forms: dict[str, Callable[[], Formulation]] = {
         "ggl": lambda: StabilizedIndexTwo(evaluator, start.rank),
         "maggi": lambda: MaggiForm(evaluator, start.rank),
