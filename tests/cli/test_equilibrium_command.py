@@ -324,4 +324,3 @@ def test_clocked_events_that_are_left_out_are_named(
     assert LEFT_OUT in " ".join(capsys.readouterr().out.split())
     assert run(["report", file, "-o", str(page)]) == 0
     assert "is left out" in page.read_text()
-

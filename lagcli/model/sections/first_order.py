@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -31,7 +32,6 @@ from lagcli.model.expression.algebra import is_zero, kinked_in, nonlinear_in
 from lagcli.model.expression.constants import number
 from lagcli.model.model import RATE, Constraint, Coordinate, Kind, coordinate, velocity
 from lagcli.model.names.draft import Draft
-from lagcli.named_tuples import NamedTuple
 
 _ZERO = se.Integer(0)
 _Row = dict[int, Basic]  # nonzero entries by column
