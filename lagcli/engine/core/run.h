@@ -27,6 +27,7 @@ typedef struct {
     double *stages;                    /* 16 n */
     double *dense;                     /* 7 n */
     int dense_ready;
+    int strays;                        /* whether the dense output does, at a sample: then a step of its own goes there */
     int searching;                     /* whether instants are searched for: the dense output must be accurate */
     int dense_inaccurate;              /* ... but is not, at (failure.t, failure.y) */
     int finishing;                     /* the last step is accepted and not yet sampled */

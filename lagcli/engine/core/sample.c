@@ -62,12 +62,16 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     return LAG_RUNNING;
 }
 
-/* Store the sample at a time. */
-static int sample(lag_run *run, double t, double *y)
+/* Store the sample at a time, which may lie within the last step. */
+static int sample(lag_run *run, double t, int within, double *y)
 {
     const int64_t width = lag_sample_size(&run->system) + run->samples.extra + lag_width_of_changes(run);
     double *row = run->samples.block + run->samples.used * width;
-    const int status = write_row(run, t, y, row);
+    int status = write_row(run, t, y, row);
+    if (status == LAG_RUNNING && within && lag_strays(run, t, row + lag_sample_a(&run->system))) {
+        lag_go_to(run, t, y);
+        status = write_row(run, t, y, row);
+    }
     if (status != LAG_RUNNING)
         return status;
     if (run->samples.written)
@@ -92,11 +96,12 @@ int lag_sample_until(lag_run *run, double end)
         const double t = run->samples.times[run->samples.next];
         if (run->samples.used == run->samples.rows)
             return LAG_BLOCK_FULL;
-        if (run->step.finishing && t < run->step.t)
-            lag_dense(run, t, y);
+        const int within = run->step.finishing && t < run->step.t;
+        if (within)
+            lag_go_to(run, t, y);
         else
             memcpy(y, run->step.finishing ? run->step.y_new : run->step.y, (size_t)n * sizeof(double));
-        const int status = sample(run, t, y);
+        const int status = sample(run, t, within, y);
         if (status != LAG_RUNNING)
             return status;
     }

@@ -39,7 +39,7 @@ void lag_accept(lag_run *run, double h, double factor)
     run->step.t = h == run->step.t_stop - run->step.t ? run->step.t_stop : run->step.t + h;
     /* a step that was cut short does not reduce the next one */
     run->step.h = fmin(factor < 1.0 ? h * factor : fmax(h * factor, run->step.h), run->step.h_max);
-    run->step.dense_ready = run->step.dense_inaccurate = 0;
+    run->step.dense_ready = run->step.dense_inaccurate = run->step.strays = 0;
     ++run->step.steps;
     if (run->switching.rows)
         lag_keep_speeds(run);
@@ -53,7 +53,32 @@ void lag_restart(lag_run *run)
 
 void lag_dense(lag_run *run, double t, double *y)
 {
-    run->stepped->dense(run, t, y);
+    if (run->step.strays) /* the stages are no longer those of the step */
+        lag_dense_often(run, t, y);
+    else
+        run->stepped->dense(run, t, y);
+}
+
+void lag_go_to(lag_run *run, double t, double *y)
+{
+    if (!run->step.strays || run->stepped->step_to(run, t, y))
+        lag_dense(run, t, y);
+}
+
+int lag_strays(lag_run *run, double t, const double *a)
+{
+    const lag_method *method = run->stepped;
+    const int nq = run->system.nq;
+    double *slope = run->step.trial + nq;
+    if (run->step.strays || !method->dense_slope)
+        return 0;
+    method->dense_slope(run, t, run->step.trial);
+    for (int i = 0; i < nq; ++i)
+        slope[i] = run->step.h_old * (slope[i] - a[i]);
+    const double square = run->system.vectors->scaled_square(nq, slope, run->step.y_old + nq, run->step.y_new + nq,
+                                                             run->tolerances.atol + nq, run->settings.rtol);
+    run->step.strays = square > MOST_STRAY * MOST_STRAY * nq;
+    return run->step.strays;
 }
 
 void lag_dense_often(lag_run *run, double t, double *y)

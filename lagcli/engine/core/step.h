@@ -23,6 +23,14 @@ void lag_restart(lag_run *run);
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
 
+/* Whether v' of the dense output is not the accelerations there: its error is not controlled, and may be far larger than
+ * that of the step near the limit of stability. If so, it strays until the next step. */
+int lag_strays(lag_run *run, double t, const double *a);
+
+/* The state at a time within the last step: its dense output or, where it strays, a step of its own from the same
+ * beginning. */
+void lag_go_to(lag_run *run, double t, double *y);
+
 /* The same with different rounding, for frequent evaluation in one step. */
 void lag_dense_often(lag_run *run, double t, double *y);
 

@@ -87,11 +87,13 @@ static void allocate(lag_batch *s, int64_t slots)
     s->free_slots = lag_get(pool, (size_t)slots, sizeof(int64_t));
     s->finished = lag_get(pool, (size_t)slots, sizeof(int64_t));
     s->finished_slots = lag_get(pool, (size_t)slots, sizeof(int64_t));
+    s->sample_steps = lag_doubles(pool, slots * s->times_count);
     s->y = lanes(pool, n);
     s->y_new = lanes(pool, n);
     s->before = lanes(pool, n);
     s->projected = lanes(pool, n);
     s->dense_y = lanes(pool, n);
+    s->dense_slope = lanes(pool, nq);
     s->stages = lanes(pool, 16 * n);
     s->dense = lanes(pool, 7 * n);
     s->lengths = lanes(pool, s->system->nc);

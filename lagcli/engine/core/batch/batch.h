@@ -45,7 +45,9 @@ struct lag_batch {
     int32_t *status;                   /* by run: a lag_lane_status */
     int64_t *counts;                   /* by run: steps, rejected, evaluations */
 
-    double *samples;                   /* by slot: times_count rows as in run.h */
+    double *samples;                   /* by slot: times_count rows as in run.h; until they are complete, v' of the dense
+                                        * output is in the place of a ... */
+    double *sample_steps;              /* ... and the sizes of their steps are here */
     int64_t *free_slots;               /* slots without a run */
     int64_t free_count;
     int64_t *finished, *finished_slots; /* runs completed since the last call, and their slots */
@@ -76,6 +78,7 @@ struct lag_batch {
     double *y, *y_new, *before, *projected, *dense_y;
     double *stages;                    /* 16 n; the first is y' at y */
     double *dense;                     /* 7 n */
+    double *dense_slope;               /* of lanes: nq */
     double *lengths;                   /* of lanes: nc */
     /* of lanes: n, n, nq, nq: as in run.h, and what is given there */
     double *atol, *size, *acceleration_terms, *future_acceleration;

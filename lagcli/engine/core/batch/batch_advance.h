@@ -149,7 +149,7 @@ static void batch_begin(lag_batch *s, int lanes)
             if (s->watching)
                 batch_watch_start(s, l);
             while (batch_due(s, l, s->t[l]))
-                batch_take(s, l, s->y);
+                batch_take(s, l, 0.0, s->y, NULL);
         }
     batch_sizes_start(s, lanes);
     batch_first_steps(s, lanes);

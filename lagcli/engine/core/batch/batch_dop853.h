@@ -126,6 +126,25 @@ static void batch_dense(lag_batch *s, const double *h)
     }
 }
 
+/* v' of the dense output at the fraction x (of lanes) of the step, times its size. */
+static void batch_dense_slope(const lag_batch *s, const double *x, double *slope)
+{
+    const int nq = s->system->nq, n8 = lag_size(s->system) * LAG_LANES;
+    EACH_PART (k) {
+        const vec up = READ(x + k), down = 1.0 - up;
+        for (int m = k; m < nq * LAG_LANES; m += LAG_LANES) {
+            const double *d = s->dense + nq * LAG_LANES + m;
+            vec value = all(0.0), rate = all(0.0);
+            for (int i = 6; i >= 0; --i) {
+                const vec inner = value + READ(d + i * n8);
+                rate = i % 2 == 0 ? rate * up + inner : rate * down - inner;
+                value = inner * (i % 2 == 0 ? up : down);
+            }
+            AT(slope + m) = rate;
+        }
+    }
+}
+
 /* The dense output at the fraction x (of lanes) of the step. */
 static void batch_dense_at(const lag_batch *s, const double *x, double *y)
 {

@@ -10,15 +10,19 @@ static double *batch_row(const lag_batch *s, int l, int64_t sample)
     return s->samples + (s->slot[l] * s->times_count + sample) * width;
 }
 
-/* Write t, q, v and W of a lane's next sample; y is of lanes. */
-static void batch_take(lag_batch *s, int l, const double *y)
+/* Write t, q, v and W of a lane's next sample in a step of size h, and h times v' of its dense output, which are 0 and NULL at
+ * the start; y and slope are of lanes. */
+static void batch_take(lag_batch *s, int l, double h, const double *y, const double *slope)
 {
     const int moving = 2 * s->system->nq;
     double *row = batch_row(s, l, s->times_next[l]);
     row[0] = s->times[s->times_next[l]];
     for (int i = 0; i < moving; ++i)
         row[lag_sample_q(s->system) + i] = y[i * LAG_LANES + l];
+    for (int i = 0; i < s->system->nq; ++i)
+        row[lag_sample_a(s->system) + i] = slope ? slope[i * LAG_LANES + l] : 0.0;
     row[lag_sample_work(s->system)] = y[moving * LAG_LANES + l];
+    s->sample_steps[s->slot[l] * s->times_count + s->times_next[l]] = h;
     ++s->times_next[l];
 }
 
@@ -45,13 +49,29 @@ static void batch_sample_steps(lag_batch *s, int lanes, const double *h, const d
             if (HAS(due, l))
                 x[l] = (s->times[s->times_next[l]] - s->t[l]) / h[l];
         batch_dense_at(s, x, s->dense_y);
+        batch_dense_slope(s, x, s->dense_slope);
         EACH_LANE (l)
             if (HAS(due, l)) {
-                batch_take(s, l, s->dense_y);
+                batch_take(s, l, h[l], s->dense_y, s->dense_slope);
                 if (!batch_due(s, l, end[l]))
                     due &= ~(1 << l);
             }
     }
+}
+
+/* Whether the dense output of a lane's run strays at sample i of its slot, where a is now known: lag_strays for one. */
+static int batch_strays(const lag_batch *s, int l, int64_t sample, const double *x, int i)
+{
+    const int nq = s->system->nq;
+    const double *row = batch_row(s, l, sample), *slope = row + lag_sample_a(s->system);
+    const double *v = row + lag_sample_q(s->system) + nq, h = s->sample_steps[s->slot[l] * s->times_count + sample];
+    double square = 0.0;
+    for (int m = 0; m < nq; ++m) {
+        const double tolerance = s->atol[(nq + m) * LAG_LANES + l] + s->settings->rtol * fabs(v[m]);
+        const double off = (slope[m] - h * x[m * LAG_LANES + i]) / tolerance;
+        square += off * off;
+    }
+    return square > MOST_STRAY * MOST_STRAY * nq;
 }
 
 /* Copy the parameters and scales of a lane to all lanes of the samples. */
@@ -71,7 +91,7 @@ static void batch_spread(lag_batch *s, int l)
 }
 
 /* Bring `count` samples, at most eight, of a lane's run onto the constraints, and find their a and
- * lambda. Returns 0, or 1 where that fails. */
+ * lambda. Returns 0, or 1 where that fails, or the dense output strays. */
 static int batch_complete(lag_batch *s, int l, int64_t first, int count)
 {
     const lag_system *system = s->system;
@@ -101,6 +121,8 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
     batch_refined(o, o->x);
     batch_respond(o);
     for (int i = 0; i < count; ++i) {
+        if (batch_strays(s, l, first + i, o->x, i))
+            return 1;
         double *row = batch_row(s, l, first + i);
         double *state = row + lag_sample_q(system), *unknowns = row + lag_sample_a(system);
         for (int m = 0; m < 2 * nq; ++m)

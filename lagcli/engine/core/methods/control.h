@@ -8,6 +8,9 @@
 /* Exponent of the error of a step in PI control. */
 #define LEAST_ERROR 1e-4
 
+/* Times the tolerance of v: what the end of a step may be off by, were v' as wrong as at a sample of the dense output. */
+#define MOST_STRAY 100.0
+
 /* The factor for the next step by PI control with beta = 0.04 (Hairer & Wanner, IV.2), after an accepted
  * step; `before` is the error of the step before it. */
 static inline double lag_pi_factor(double error, double before, double order, int rejected)

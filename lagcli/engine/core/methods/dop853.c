@@ -197,6 +197,35 @@ static void dense_often(lag_run *run, double t, double *y)
     }
 }
 
+static void dense_slope(lag_run *run, double t, double *slope)
+{
+    const int n = lag_size(&run->system);
+    const double h = run->step.h_old, x = (t - run->step.t_old) / h, rest = 1.0 - x;
+    const double *d = dense_coefficients(run);
+    for (int m = 0; m < n; ++m) { /* of dense_often, from the innermost factor on */
+        double value = d[6 * n + m], rate = 0.0;
+        for (int k = 5; k >= 0; --k) {
+            rate = k % 2 ? value + x * rate : rest * rate - value;
+            value = d[k * n + m] + (k % 2 ? x : rest) * value;
+        }
+        slope[m] = (value + x * rate) / h;
+    }
+}
+
+/* The first stage and the coefficients of the dense output remain. */
+static int step_to(lag_run *run, double t, double *y)
+{
+    const int n = lag_size(&run->system), s = apart(run);
+    const double h = t - run->step.t_old;
+    for (int i = 1; i < DOP_STAGES; ++i) {
+        add_stages(run, n, run->step.y_old, dop_a + i, h, y);
+        if (lag_derivative(run, run->step.t_old + dop_c[i] * h, y, run->step.stages + i * s))
+            return 1;
+    }
+    add_stages(run, n, run->step.y_old, &dop_b, h, y);
+    return 0;
+}
+
 static int control_points(lag_run *run, int i, double *b)
 {
     const int n = lag_size(&run->system);
@@ -215,4 +244,6 @@ const lag_method lag_dop853 = {.name = "DOP853",
                                .step = step,
                                .dense = dense,
                                .dense_often = dense_often,
+                               .dense_slope = dense_slope,
+                               .step_to = step_to,
                                .control_points = control_points};

@@ -20,6 +20,11 @@ struct lag_method {
     /* The same with different rounding, for frequent evaluation in one step. NULL: as above. */
     void (*dense_often)(lag_run *run, double t, double *y);
 
+    /* y' of the dense output, n values; and y at a time in the last step by a step of that length, which takes the place
+     * of the stages: returns 0, or 1 where it is undefined. NULL if the dense output needs no check. */
+    void (*dense_slope)(lag_run *run, double t, double *slope);
+    int (*step_to)(lag_run *run, double t, double *y);
+
     /* The control points of component i of the dense output, a polynomial on 0 to 1 (polynomial.h), to b, which has
      * LAG_MOST_DEGREE + 1 numbers. Returns its degree. */
     int (*control_points)(lag_run *run, int i, double *b);

@@ -500,3 +500,14 @@ def test_an_interrupt_acts_immediately(leaving):
     with pytest.raises(Interrupted):
         run_batch(system, request, values, q, v, lambda finished: None, check_cancelled)
     assert np.diff(calls).max() < 0.5
+
+
+def test_a_run_whose_dense_output_strays_leaves(core_statuses):
+    """Its samples are those of a single run; the others stay in their lanes."""
+    path = Path(__file__).parents[3] / "found" / "straying_samples.yaml"
+    text = path.read_text().replace("1.972", "k").replace("\nT:", "\nparameters: {k: 1}\nT:")
+    # without a kink, which has no lanes
+    text = text.replace("max(0, x' + 0.105)^2", "(x' + 0.105 + sqrt((x' + 0.105)^2 + 1e-4))^2/4")
+    factors = [[0.1], [1.972], [0.12]]
+    runs = Runs(lagcli.load_text(text), ["k"], factors, method="DOP853")
+    left_alone(runs, [1], core_statuses)
