@@ -612,7 +612,7 @@ def test_multipliers_without_forces_are_zero() -> None:
         ("(x - 1)*(x - 1.001)", {1.0: "unstable", 1.001: "stable"}),
     ],
 )
-@pytest.mark.parametrize("rail", [False, True])
+@pytest.mark.parametrize("rail", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_degenerate_equilibrium_is_one_and_undecided(
     force: str, expected: dict[float, str], rail: bool
 ) -> None:

@@ -152,6 +152,7 @@ def test_steps_in_which_b_moves_far_pass_no_singular_configuration(seed: int) ->
     check_losing_rank(seed, "DOP853", beside=oscillation(seed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "method"), [(5, "Radau")])
 def test_many_constraints_that_lose_rank_stop_the_run(seed: int, method: str) -> None:
     check_many_rows(seed, method)

@@ -69,6 +69,7 @@ def test_random_trees(seed, small):
         )
 
 
+@pytest.mark.slow
 def test_the_cost_of_an_evaluation_is_linear():
     sizes = []
     for n in (30, 60, 120):
@@ -131,6 +132,7 @@ def test_a_rope_between_two_points(n, small):
         np.testing.assert_allclose(found[n:], multipliers, rtol=0, atol=1e-11 * abs(a).max())
 
 
+@pytest.mark.slow
 def test_the_cost_of_constraints_is_linear():
     updates = []
     for n in (30, 60, 120):

@@ -10,7 +10,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from shipped import PATHS
+from shipped import PATHS, REPRESENTATIVES
 
 import lagcli
 from lagcli.engine.lowering import right_sides
@@ -24,10 +24,16 @@ FOUND = Path(__file__).parents[3] / "found"
 NAMES = ("x", "y", "z")
 #: Models with constraints; large families with few members.
 MEMBERS = {"net_rods": {"N": "3"}, "ring100": {"N": "8"}}
+FAST = {*REPRESENTATIVES, *MEMBERS, "bennett", "stewart", "whipple_bicycle", "door_two_hinges"}
 CONSTRAINED = [
     path
     for path in (*PATHS.values(), *sorted(FOUND.glob("*.yaml")))
     if re.search("constraints:|quaternion", path.read_text(encoding="utf-8"))
+]
+#: The same as parameters; those that others stand for are slow.
+CASES = [
+    pytest.param(path, id=path.stem, marks=[] if path.stem in FAST else [pytest.mark.slow])
+    for path in CONSTRAINED
 ]
 Function = Callable[[Mapping[str, mpmath.mpf]], mpmath.mpf]
 #: Operations as a model file writes them, and as mpmath has them.
@@ -114,7 +120,7 @@ def test_random_constraints_against_differences_of_many_digits(
             ]
 
 
-@pytest.mark.parametrize("path", CONSTRAINED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CASES)
 def test_every_model_has_the_right_sides_that_are_written(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -148,7 +154,7 @@ def jacobians_at(system: System, inputs: list[float]) -> list[np.ndarray]:
     return [*blocks, np.array(values[len(values) - 1 - nc : -1])]
 
 
-@pytest.mark.parametrize("path", CONSTRAINED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CASES)
 def test_every_model_has_the_gradients_that_are_written(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
