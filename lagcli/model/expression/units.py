@@ -323,6 +323,19 @@ def _is_product_with_meters(name: str, exponent: Exponent) -> bool:
     return name[:1] == "m" and name[1:] in COHERENT and name != "mm" and exponent < 0
 
 
+def _product_and_power(name: str, text: str, exponent: Exponent, level: _UnitLevel) -> str:
+    """Return both ways to write a power of a unit that may be meters by a power."""
+    plain, power = f"m*{name[1:]}^{text}", f"({name})^{text}"
+    if level.divisor:
+        plain = f"({plain})"
+    elif exponent < 0:
+        quotient = f"({name})^{-exponent}" if exponent != -1 else name
+        power = f"{'1' if level.before is _NONE else ''}/{quotient}"
+    elif exponent.denominator == 1:
+        power = "*".join([name] * int(exponent))
+    return f"{plain} with meters, {power} for a power of {name}"
+
+
 class _UnitReader:
     """Reads one text, from left to right."""
 
@@ -398,14 +411,8 @@ class _UnitReader:
         except ZeroDivisionError:
             return False
         if _is_product_with_meters(level.word, n):
-            base = f"m*{level.word[1:]}^{exponent}"
-            base = f"({base})" if level.divisor else base
-            power = level.word if abs(n) == 1 else f"({level.word})^{abs(n)}"
-            power = f"1/{power}" if n < 0 else power
-            raise UnknownUnit(
-                f"`{shorten(self.text)}` is ambiguous: write {base} with meters, {power} for a"
-                f" power of {level.word}"
-            )
+            ways = _product_and_power(level.word, exponent, n, level)
+            raise UnknownUnit(f"`{shorten(self.text)}` is ambiguous: write {ways}")
         level.value = level.before.times(level.last.power(n))
         level.last = None
         return True

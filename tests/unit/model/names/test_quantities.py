@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,34 @@ def test_a_beam_beside_the_number_of_its_members() -> None:
     # each member alone: w^2 = 3 EI N^4/(M L^3)
     expected = 0.1 * np.cos(np.sqrt(3 * 3**4) * run.time)
     np.testing.assert_allclose(run.q, np.column_stack([expected] * 3), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "meters", "power"),
+    [
+        ("ms^-2", 1.0, 1e6),
+        ("ms^-1", 1.0, 1e3),
+        ("ms2", 1.0, 1e-6),
+        ("ms^3", 1.0, 1e-9),
+        ("mN^-1", 1.0, 1e3),
+        ("mrad^-2", 1.0, 1e6),
+        ("kg ms^-2", 1.0, 1e6),
+        ("kg/ms^2", 1.0, 1e6),
+        ("m/ms^3", 1.0, 1e9),
+        ("N/ms^-1", 1.0, 1e-3),
+        ("1/ms^2", 1.0, 1e6),
+    ],
+)
+def test_both_ways_to_write_a_doubtful_power_are_accepted(
+    text: str, meters: float, power: float
+) -> None:
+    with pytest.raises(ModelError, match="is ambiguous: write ") as caught:
+        value(f"3 {text}")
+    ways = re.search("write (.*?) with meters, (.*?) for a power", str(caught.value))
+    assert ways is not None
+    for way, factor in zip(ways.groups(), (meters, power), strict=True):
+        written = re.sub(r"m(s|N|rad)\^?-?[0-9]", way, text)
+        assert value(f"3 {written}") == pytest.approx(3 * factor, rel=1e-15), written
 
 
 def test_a_power_of_a_doubtful_unit_is_refused_with_its_place() -> None:
