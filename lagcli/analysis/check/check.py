@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import symengine as se
 
-from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
+from lagcli.analysis.check.integrability import Integrability, check_integrability
 from lagcli.analysis.check.rank import RankCheck, check_rank
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.check.units import UnitReport, report_units
 from lagcli.analysis.check.unused import unused_parameters
+from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.random_states import random_states
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
@@ -43,17 +44,20 @@ class Check:
         position constraints, 2 with velocity constraints alone, 0 without constraints.
     rank : RankCheck
         The rank of B, the degrees of freedom, and the uniqueness of the multipliers.
-    velocity_constraints : mapping of str to VelocityConstraint
-        Whether they are integrable, by name.
+    integrability : Integrability
+        What is integrable of the velocity constraints.
     conserved : Conserved
         The conserved quantities, without momenta that vanish on the constraints.
     conserved_values : mapping of str to float
         Their values at the initial state, in SI units.
     conserved_units : mapping of str to str
         Their SI units, as far as they are known.
+    steady : bool or None
+        Whether the initial state is an equilibrium or a steady motion; None for large models, and
+        at and next to singular configurations.
     time_scales : TimeScales or None
-        Time scales of small motions about the initial state; None for large models, and at and next
-        to singular configurations, where they change over a small distance.
+        Time scales of small motions about the initial state, where it is steady. About other
+        states they would describe a frozen instant.
     units : UnitReport
         Units as given and derived, and what disagrees.
     unused_parameters : mapping of str to list of str
@@ -66,10 +70,11 @@ class Check:
     start: ConsistentState
     index: int
     rank: RankCheck
-    velocity_constraints: Mapping[str, VelocityConstraint]
+    integrability: Integrability
     conserved: Conserved
     conserved_values: Mapping[str, float]
     conserved_units: Mapping[str, str]
+    steady: bool | None
     time_scales: TimeScales | None
     units: UnitReport
     unused_parameters: Mapping[str, list[str]]
@@ -115,6 +120,9 @@ def check(model: Model) -> Check:
         rank = check_rank(system, there, freedom, states)
         singular = rank.special or bool(rank.near_singular)
         scales = None if singular else time_scales(system, there)
+        steady = (
+            None if scales is None else _is_steady(LocalEquations(held.model, held, system), there)
+        )
         analysis = conserved_quantities(equations)
         found = analysis.quantities
         if freedom.held is None:  # others hold while constraints switch
@@ -125,7 +133,7 @@ def check(model: Model) -> Check:
         start=start,
         index=_index(equations),
         rank=rank,
-        velocity_constraints=check_integrability(held, there, states),
+        integrability=check_integrability(held, there, states),
         conserved=conserved,
         conserved_values=_values(equations, conserved, start),
         conserved_units={
@@ -133,11 +141,17 @@ def check(model: Model) -> Check:
             for q in conserved.quantities
             if (unit := symbolic_unit(model, q.expression)) is not None
         },
-        time_scales=scales,
+        steady=steady,
+        time_scales=scales if steady else None,
         units=report_units(model),
         unused_parameters=unused_parameters(model),
         hints=hints(model),
     )
+
+
+def _is_steady(local: LocalEquations, start: ConsistentState) -> bool:
+    point = local.moving(start.state, start.rank)
+    return local.is_steady(point, local.tangent(point, local.constant_velocities(point)))
 
 
 def _index(equations: Equations) -> int:

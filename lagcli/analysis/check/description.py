@@ -12,6 +12,7 @@ import numpy as np
 from symengine import Basic
 
 from lagcli.analysis.check.check import Check
+from lagcli.analysis.check.combinations import IntegrableCombination
 from lagcli.analysis.check.rank import Combination
 from lagcli.analysis.check.units import place_of, where
 from lagcli.engine.constraints.initial import ConsistentState
@@ -75,6 +76,16 @@ def to_mapping(checked: Check) -> dict[str, Any]:
             {"constraints": list(x.constraints), "surplus": x.surplus} for x in freedom.redundant
         ],
         "unique_combinations": [dict(c.factors) for c in rank.combinations],
+        "integrable_combinations": [
+            {
+                "factors": c.factors and {name: text(x) for name, x in c.factors.items()},
+                "numbers": dict(c.numbers),
+                "integral": None if c.integral is None else text(c.integral.expression),
+                "integral_value": c.value,
+            }
+            for c in checked.integrability.combinations
+        ],
+        "nonintegrable": checked.integrability.nonintegrable,
         "conserved": {
             "searched": checked.conserved.extent,
             "quantities": [_quantity(checked, q, text) for q in checked.conserved.quantities],
@@ -84,6 +95,7 @@ def to_mapping(checked: Check) -> dict[str, Any]:
             "values": dict(zip([*names, *(f"{n}'" for n in names)], state, strict=True)),
             "moved": {name: list(pair) for name, pair in start.moved.items()},
         },
+        "steady_start": checked.steady,
         "time_scales": None
         if scales is None
         else {
@@ -102,7 +114,7 @@ def to_mapping(checked: Check) -> dict[str, Any]:
 
 def _constraint(checked: Check, c: ConstraintEquation, text: _Text) -> dict[str, Any]:
     names, name = checked.equations.model.coordinate_names, c.constraint.name
-    tested = checked.velocity_constraints.get(name)
+    tested = checked.integrability.constraints.get(name)
     integral = None if tested is None else tested.integral
     return {
         "name": name,
@@ -219,22 +231,67 @@ def _steps(checked: Check) -> list[Step]:
 
 
 def _integrability(f: Formulas, checked: Check) -> list[Step]:
-    if not checked.velocity_constraints:
+    found = checked.integrability
+    if not found.constraints:
         return []
     lines = []
-    for name, x in checked.velocity_constraints.items():
+    for name, x in found.constraints.items():
+        label = Symbol(name, kind="constraint")
+        others = "" if x.integrable == "alone" else " with the other constraints"
         if x.integral is not None and x.value is not None:
             sides = (f.arrange(x.integral.expression), _number(x.value))
-            lines.append(Line(sides, name, "integrable: it also restricts the positions"))
+            note = f"integrable{others}: it also restricts the positions"
+            lines.append(Line(sides, name, note))
+        elif x.integrable in ("alone", "together"):
+            lines.append(Line((label,), note=f"integrable{others}; no integral was found"))
+        elif x.integrable == "not tested":
+            lines.append(Line((label,), note="not tested: too large, or branches"))
+    for c in found.combinations:
+        combination = _factors(f, c)
+        if c.integral is not None and c.value is not None:
+            sides = (f.arrange(c.integral.expression), _number(c.value))
+            lines.append(Line(sides, combination, "integrable: it also restricts the positions"))
             continue
-        said = {
-            "alone": "integrable; no integral was found",
-            "together": "integrable with the other constraints: they also restrict the positions",
-            "no": "not integrable: it leaves all positions accessible",
-            "not tested": "not tested: too many variables, or coefficients with branches",
-        }[x.integrable]
-        lines.append(Line((Symbol(name, kind="constraint"),), note=said))
-    return [Step("Velocity constraints (Frobenius)", tuple(lines))]
+        note = "integrable; no integral was found"
+        if c.factors is None:
+            note = "integrable, with these factors at a state near the start"
+        lines.append(Line((combination,), note=note))
+    return [
+        Step(
+            "Velocity constraints (Frobenius)", tuple(lines), _not_integrable(checked, bool(lines))
+        )
+    ]
+
+
+def _factors(f: Formulas, c: IntegrableCombination) -> Node:
+    terms = []
+    for name, x in c.numbers.items():
+        symbol = Symbol(name, kind="constraint")
+        exact = None if c.factors is None else c.factors[name]
+        if exact is None or not exact.free_symbols:
+            factor = ONE if abs(x) == 1 else _number(abs(x))
+            terms.append((-1 if x < 0 else 1, product_of([factor, symbol])))
+        else:
+            terms.append((1, product_of([f.arrange(exact), symbol])))
+    return sum_of(sorted(terms, key=lambda term: -term[0]))
+
+
+def _not_integrable(checked: Check, other: bool) -> str | None:
+    """Return what is said of the distribution, the motions that all constraints allow."""
+    if not checked.integrability.nonintegrable:
+        return None
+    constraints = checked.equations.constraints
+    if any(c.rheonomic or c.drift != 0 for c in constraints):
+        function = "no other function" if other else "no function"
+        return (
+            f"Not integrable: {function} of the coordinates and time is constant on all motions"
+            " that the constraints allow."
+        )
+    if other:
+        return "Otherwise not integrable: all positions with these values remain accessible."
+    if any(c.position is not None for c in constraints):
+        return "Not integrable: all positions that the position constraints allow are accessible."
+    return "Not integrable: the constraints leave all positions accessible."
 
 
 def _freedom(f: Formulas, checked: Check) -> Step:
@@ -348,6 +405,12 @@ def _time_scales(checked: Check) -> Step | None:
     if checked.rank.special or checked.rank.near_singular:
         where = "at" if checked.rank.special else "next to"
         why = f"Not computed {where} a singular configuration: they change over a small distance."
+        return Step("Time scales", (), why)
+    if checked.steady is False:
+        why = (
+            "The start is not an equilibrium or a steady motion: there are no small motions about"
+            " it. `lagcli modes --equilibrium` describes those about an equilibrium near it."
+        )
         return Step("Time scales", (), why)
     if x is None:
         return None

@@ -1,21 +1,25 @@
-"""Frobenius' theorem for velocity constraints: which are integrable, and their integrals."""
+"""Which velocity constraints are integrable, which of their combinations, and the integrals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 import symengine as se
 from symengine import Basic
 
+from lagcli.analysis.check.combinations import IntegrableCombination, joint_part
+from lagcli.analysis.check.derived_system import PfaffianSystem, Point, point_at
+from lagcli.analysis.check.power_series import Undefined
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.integrability import (
     FirstIntegral,
     first_integral,
+    form_of,
     has_branches,
     integrable,
 )
@@ -24,77 +28,143 @@ from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
 
-#: ``alone``: integrable by itself; ``together``: integrable with the other constraints; ``no``: not
-#: integrable; ``not tested``: the form has too many variables, or branches.
-Integrability = Literal["alone", "together", "no", "not tested"]
+#: ``alone``: integrable by itself; ``together``: integrable with the other constraints; ``no``: it
+#: is not, though a combination with others may be; ``not tested``: the form has branches, or there
+#: are too many.
+Integrable = Literal["alone", "together", "no", "not tested"]
 
-#: Largest number of derivative entries to evaluate.
-_LARGEST = 20_000
-#: Relative size of dω on the admissible motions that counts as zero.
-_ZERO = 1e-8
+#: Largest number of entries and derivatives to evaluate.
+_LARGEST = 3000
+#: Number of points at which constraints are tested together, and differences of their times, s.
+_POINTS, _LATER = 3, 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint:
-    """Integrability of a velocity constraint by Frobenius' theorem.
+    """Integrability of a velocity constraint.
 
     Parameters
     ----------
     integrable : str
-        See `Integrability`.
+        See `Integrable`.
     integral : FirstIntegral or None
-        The integral of a constraint that is integrable by itself, if it was found.
+        The integral of an integrable constraint, if it was found.
     value : float or None
         The integral's value at the initial state.
     """
 
-    integrable: Integrability
+    integrable: Integrable
     integral: FirstIntegral | None = None
     value: float | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Integrability:
+    """Integrability of the velocity constraints of a model.
+
+    Parameters
+    ----------
+    constraints : mapping of str to VelocityConstraint
+        By name, for the constraints that are given in velocities and linear in them.
+    combinations : tuple of IntegrableCombination
+        With the integrable constraints, they span all that is integrable.
+    nonintegrable : int or None
+        Number of independent constraints less that of integrable combinations; None if they were
+        not tested together.
+    """
+
+    constraints: Mapping[str, VelocityConstraint]
+    combinations: tuple[IntegrableCombination, ...]
+    nonintegrable: int | None
+
+
 def check_integrability(
     equations: Equations, start: ConsistentState, states: Sequence[ConsistentState]
-) -> dict[str, VelocityConstraint]:
-    """Test the velocity constraints of a model by Frobenius' theorem.
+) -> Integrability:
+    """Find what is integrable of the velocity constraints of a model.
 
-    First each one separately, ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt; then all together at consistent
-    states: they are integrable if dω vanishes on all motions that the constraints allow.
+    First each one separately, ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt (Frobenius); then the largest
+    integrable part of the system that all constraints span: see `derived_system`.
 
     Parameters
     ----------
     equations : Equations
     start : ConsistentState
     states : sequence of ConsistentState
-        States besides the initial one at which the constraints are tested together.
-
-    Returns
-    -------
-    dict of str to VelocityConstraint
-        By name, for the constraints that are given in velocities and linear in them.
+        States besides the initial one, at which the constraints are tested together.
     """
-    results: dict[str, VelocityConstraint] = {}
+    rows: dict[str, VelocityConstraint] = {}
     for c in equations.constraints:
         if c.constraint.of_coordinate:
             continue
         if c.constraint.kind != "nonholonomic":
             continue
         alone = integrable(c, equations)
-        integral = first_integral(c, equations) if alone else None
+        variables = (*equations.q, TIME)
+        integral = first_integral(form_of(c, equations), variables) if alone else None
         value = None if integral is None else _value(integral.expression, equations, start)
-        kind: Integrability = "not tested" if alone is None else "alone" if alone else "no"
-        results[c.constraint.name] = VelocityConstraint(kind, integral, value)
-    left = [name for name, x in results.items() if x.integrable != "alone"]
+        kind: Integrable = "not tested" if alone is None else "alone" if alone else "no"
+        rows[c.constraint.name] = VelocityConstraint(kind, integral, value)
+    left = [name for name, x in rows.items() if x.integrable != "alone"]
     linear = all(c.constraint.kind != "nonlinear" for c in equations.constraints)
-    if (
-        left
-        and linear
-        and not any(has_branches(c, equations) for c in equations.constraints if c.position is None)
-        and len(equations.constraints) > 1
-        and _together(equations, [start, *states])
-    ):
-        results |= {name: VelocityConstraint("together") for name in left}
-    return results
+    if not left:
+        return Integrability(rows, (), 0 if linear else None)
+    names = [c.constraint.name for c in equations.constraints]
+    system = _system(equations) if linear else None
+    part = None
+    if system is not None:
+        closed = {i for i, name in enumerate(names) if name in rows and name not in left}
+        part = joint_part(system, _places(system, equations, states[:_POINTS]), closed)
+    if part is None:
+        return Integrability(rows | {n: VelocityConstraint("not tested") for n in left}, (), None)
+    for name in left:
+        rows[name] = VelocityConstraint("together" if names.index(name) in part.together else "no")
+    combinations = []
+    for found in part.combinations:
+        integral = found.integral
+        value = None if integral is None else _value(integral.expression, equations, start)
+        if len(found.numbers) == 1:
+            rows[names[min(found.numbers)]] = VelocityConstraint("together", integral, value)
+            continue
+        numbers = {names[i]: c for i, c in found.numbers.items()}
+        exact = found.factors
+        factors = None if exact is None else {names[i]: x for i, x in exact.items()}
+        combinations.append(IntegrableCombination(numbers, factors, integral, value))
+    return Integrability(rows, tuple(combinations), part.nonintegrable)
+
+
+def _system(equations: Equations) -> PfaffianSystem | None:
+    """Return the constraints as forms; None if they have branches, or are too many."""
+    constraints = equations.constraints
+    if any(has_branches(c, equations) for c in constraints if c.position is None):
+        return None
+    variables, last = (*equations.q, TIME), len(equations.q)
+    forms = [{**c.row, last: c.drift} if c.drift != ZERO else dict(c.row) for c in constraints]
+    if sum(map(len, forms)) > _LARGEST:
+        return None
+    slopes: list[dict[tuple[int, int], Basic]] = []
+    for form in forms:
+        slopes.append({})
+        for i, b in form.items():
+            free = b.free_symbols
+            slope = {(i, j): derivative(b, x) for j, x in enumerate(variables) if x in free}
+            slopes[-1] |= {place: x for place, x in slope.items() if x != ZERO}
+        if sum(map(len, slopes)) > _LARGEST:
+            return None
+    positions = tuple(c.position for c in constraints)
+    return PfaffianSystem(variables, tuple(forms), tuple(slopes), positions)
+
+
+def _places(
+    system: PfaffianSystem, equations: Equations, states: Sequence[ConsistentState]
+) -> list[Point]:
+    places = []
+    parameters = [se.Symbol(name) for name in equations.model.parameters]
+    for k, s in enumerate(state.state for state in states):
+        given = dict(zip(parameters, s.p, strict=True))
+        with contextlib.suppress(Undefined):
+            places.append(point_at(system, [*s.q.tolist(), s.t + _LATER * k], given))
+    return places
 
 
 def _value(expression: Basic, equations: Equations, start: ConsistentState) -> float:
@@ -104,47 +174,3 @@ def _value(expression: Basic, equations: Equations, start: ConsistentState) -> f
     )
     s = start.state
     return float(ScalarTape(tape)((s.t, *s.q.tolist(), *s.p))[0])
-
-
-def _together(equations: Equations, states: Sequence[ConsistentState]) -> bool:
-    """Whether dω of every constraint vanishes on the motions that all of them allow."""
-    variables = (*equations.q, TIME)
-    forms = [{**c.row, len(equations.q): c.drift} for c in equations.constraints]
-    entries, places = [], []
-    for beta, (form, c) in enumerate(zip(forms, equations.constraints, strict=True)):
-        for i, b in form.items():
-            entries.append(b)
-            places.append((beta, i, -1))
-            if c.position is None:  # d² = 0 of the others
-                slopes = [(j, derivative(b, x)) for j, x in enumerate(variables)]
-                entries += [slope for _, slope in slopes if slope != ZERO]
-                places += [(beta, i, j) for j, slope in slopes if slope != ZERO]
-    if len(entries) > _LARGEST:
-        return False
-    parameters = [se.Symbol(n) for n in equations.model.parameters]
-    tape = ScalarTape(
-        compile_tape(entries, [TIME, *equations.q], parameters, input_functions(equations.model))
-    )
-    return all(_closed_at(tape, places, len(forms), len(variables), s) for s in states)
-
-
-def _closed_at(
-    tape: ScalarTape,
-    places: Sequence[tuple[int, int, int]],
-    forms: int,
-    variables: int,
-    start: ConsistentState,
-) -> bool:
-    s = start.state
-    rows = np.zeros((forms, variables))
-    slopes = np.zeros((forms, variables, variables))
-    for (beta, i, j), x in zip(places, tape((s.t, *s.q.tolist(), *s.p)), strict=True):
-        if j < 0:
-            rows[beta, i] = x
-        else:
-            slopes[beta, i, j] = x
-    _, values, vectors = np.linalg.svd(rows)
-    free = vectors[int((values > _ZERO * values.max(initial=0.0)).sum()) :]
-    curls = slopes - slopes.transpose(0, 2, 1)
-    on_motions = np.einsum("ai,cij,bj->cab", free, curls, free)
-    return bool(np.abs(on_motions).max(initial=0.0) <= _ZERO * np.abs(slopes).max(initial=0.0))

@@ -49,12 +49,17 @@ _CHANGES = 1e-6
 
 
 class DerivedModel:
-    """A model with its equations, their System and its consistent start."""
+    """A model with its equations, their System and its consistent start.
 
-    def __init__(self, model: Model):
+    Equations and System may be given if they are known.
+    """
+
+    def __init__(
+        self, model: Model, equations: Equations | None = None, system: System | None = None
+    ):
         self.model = model
-        self.equations: Equations = derive(model)
-        self.system: System = lower(self.equations)
+        self.equations: Equations = equations or derive(model)
+        self.system: System = system or lower(self.equations)
         self.t = model.settings.t_start or 0.0
 
     @cached_property
@@ -66,8 +71,10 @@ class DerivedModel:
 class LocalEquations(DerivedModel):
     """The equations of a model with their derivatives, at single points."""
 
-    def __init__(self, model: Model):
-        super().__init__(model)
+    def __init__(
+        self, model: Model, equations: Equations | None = None, system: System | None = None
+    ):
+        super().__init__(model, equations, system)
         #: The equations of all modes: those of a model that does not switch.
         self.whole: Equations = self.equations
         self.jacobian_tape = motion_jacobians(self.equations, self.system)

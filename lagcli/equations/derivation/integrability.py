@@ -44,7 +44,7 @@ def integrable(c: ConstraintEquation, equations: Equations) -> bool | None:
     itself. Coefficients that do not vanish symbolically are tested at random points, with the
     model's parameter values.
     """
-    form, variables = _form(c, equations), (*equations.q, TIME)
+    form, variables = form_of(c, equations), (*equations.q, TIME)
     free = set().union(*(b.free_symbols for b in form.values()))
     present = [x for x in variables if x in free or x in form]
     if len(present) > MAX_VARIABLES:
@@ -67,11 +67,11 @@ def has_branches(c: ConstraintEquation, equations: Equations) -> bool:
     variables = (*equations.q, TIME)
     return any(
         kinked_in(b, variables) is not None and _varies(b, x, variables)
-        for x, b in _form(c, equations).items()
+        for x, b in form_of(c, equations).items()
     )
 
 
-def _form(c: ConstraintEquation, equations: Equations) -> dict[Basic, Basic]:
+def form_of(c: ConstraintEquation, equations: Equations) -> dict[Basic, Basic]:
     """Return the coefficients of ω by variable."""
     form = {equations.q[j]: b for j, b in c.row.items()}
     return form | {TIME: c.drift} if c.drift != 0 else form
@@ -131,27 +131,31 @@ class FirstIntegral:
     factor: Basic
 
 
-def first_integral(c: ConstraintEquation, equations: Equations) -> FirstIntegral | None:
-    """Search for an integral of a velocity constraint that is integrable by itself.
+def first_integral(
+    form: dict[Basic, Basic], variables: Sequence[Basic], divisors: Sequence[Basic] = ()
+) -> FirstIntegral | None:
+    """Search for an integral of a form that is integrable by itself.
 
     Simple integrating factors are tried: 1, and reciprocals of one coefficient, of its square and
     of products of two.
 
     Parameters
     ----------
-    c : ConstraintEquation
-    equations : Equations
+    form : dict of symbol to expression
+        The coefficients of ω = Σ b_i dq_i + b_0 dt, without zeros.
+    variables : sequence of symbols
+        Those of q and t that are not constant on the motions in question.
+    divisors : sequence of expressions
+        Reciprocals of other factors to try.
 
     Returns
     -------
     FirstIntegral or None
         None if none was found; one may still exist.
     """
-    form = _form(c, equations)
     if sum(se.count_ops(b) for b in form.values()) > _LARGEST:
         return None
-    variables = (*equations.q, TIME)
-    for factor in _factors(form):
+    for factor in _factors(form, divisors):
         scaled = {x: se.expand(b * factor) for x, b in form.items()}
         if _closed(scaled, variables):
             potential = _potential(scaled)
@@ -160,15 +164,16 @@ def first_integral(c: ConstraintEquation, equations: Equations) -> FirstIntegral
     return None
 
 
-def _factors(form: dict[Basic, Basic]) -> Iterator[Basic]:
+def _factors(form: dict[Basic, Basic], divisors: Sequence[Basic]) -> Iterator[Basic]:
     yield ONE
+    yield from (ONE / x for x in divisors)
     coefficients = [b for b in dict.fromkeys(form.values()) if b.free_symbols]
     yield from (ONE / b for b in coefficients)
     yield from (ONE / b**2 for b in coefficients)
     yield from (ONE / (a * b) for a, b in combinations(coefficients, 2))
 
 
-def _closed(form: dict[Basic, Basic], variables: tuple[Basic, ...]) -> bool:
+def _closed(form: dict[Basic, Basic], variables: Sequence[Basic]) -> bool:
     inside = {s for b in form.values() for s in b.free_symbols}
     occurring = [x for x in variables if x in form or x in inside]
     return all(

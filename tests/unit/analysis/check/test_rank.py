@@ -135,7 +135,7 @@ coordinates: [x, y, z]
 T: (x'^2 + y'^2 + z'^2)/2
 V: x^2 + 2*z^2
 constraints: {one: y = 0, two: y + 1e-6*(x - z) = 0}
-initial: {x: 1, y: 0, z: {guess: 1}, x': 0, y': 0, z': {guess: 0}}
+initial: {x: 0, y: 0, z: {guess: 0}, x': 0, y': 0, z': {guess: 0}}
 """
     found = lagcli.check(lagcli.load_text(text))
     assert not found.rank.near_singular

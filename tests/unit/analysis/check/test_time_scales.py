@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis.check.description import page
+
+FOUND = Path(__file__).parents[3] / "found"
 
 #: A pendulum in x and y that hangs at rest, with friction.
 HANGING = """
@@ -43,7 +48,7 @@ coordinates: [x, y]
 T: x'^2/2 + y'^2/2
 V: 0.5*y^2
 Q: {x: -1000*x'}
-initial: {x: 0, y: 0, x': 1, y': 0}
+initial: {x: 0, y: 0, x': 0, y': 0}
 """
     scales = lagcli.check(lagcli.load_text(text)).time_scales
     assert scales is not None
@@ -65,3 +70,58 @@ initial: {x: 0, y: 0, x': 0, y': 0}
     assert scales is not None
     assert scales.largest_frequency == pytest.approx(2)
     assert scales.slowest == pytest.approx(2)
+
+
+def test_a_start_that_is_no_equilibrium_has_no_small_motions() -> None:
+    model = lagcli.load(FOUND / "pend.yaml")
+    checked = lagcli.check(model)
+    assert checked.steady is False
+    assert checked.time_scales is None
+    text = " ".join(page(checked).split())
+    assert "The start is not an equilibrium or a steady motion" in text
+    assert "`lagcli modes --equilibrium`" in text
+    assert "rad/s" not in text
+    (mode,) = lagcli.modes(model, equilibrium=True).modes
+    assert abs(mode.eigenvalue) == pytest.approx(np.sqrt(9.81))
+    hanging = lagcli.check(lagcli.load(FOUND / "pend.yaml", set_initial={"theta": 0}))
+    assert hanging.steady is True
+    assert hanging.time_scales is not None
+    assert hanging.time_scales.largest_frequency == pytest.approx(np.sqrt(9.81))
+
+
+@pytest.mark.parametrize(
+    ("initial", "steady"),
+    [
+        ("a: 90 deg, b: 90 deg, a': 0, b': 0", False),  # released horizontally
+        ("a: 0, b: 0, a': 0, b': 0", True),
+        ("a: 180 deg, b: 0, a': 0, b': 0", True),
+        ("a: 0, b: 0, a': 1, b': 0", False),  # passes the equilibrium
+    ],
+)
+def test_a_double_pendulum(initial: str, steady: bool) -> None:
+    text = f"""
+coordinates: [a, b]
+T: a'^2 + b'^2/2 + cos(a - b)*a'*b'
+V: -9.81*(2*cos(a) + cos(b))
+initial: {{{initial}}}
+"""
+    checked = lagcli.check(lagcli.load_text(text))
+    assert checked.steady is steady
+    assert (checked.time_scales is not None) is steady
+    assert ("No oscillation" in page(checked)) is False
+
+
+def test_a_steady_motion_has_time_scales() -> None:
+    """A conical pendulum: V_eff'' = ω² (1 + 3 cos² θ), with g = ω² cos θ."""
+    rate, angle = 2.0, 0.8
+    text = f"""
+coordinates: [th, phi]
+T: (th'^2 + sin(th)^2*phi'^2)/2
+V: -{float(rate**2 * np.cos(angle))!r}*cos(th)
+initial: {{th: {angle}, phi: 0, th': 0, phi': {rate}}}
+"""
+    checked = lagcli.check(lagcli.load_text(text))
+    assert checked.steady is True
+    assert checked.time_scales is not None
+    expected = rate * np.sqrt(1 + 3 * np.cos(angle) ** 2)
+    assert checked.time_scales.largest_frequency == pytest.approx(expected, rel=1e-7)
