@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from lagcli.cli.app import COMMANDS, EPILOG, PROGRAM, command
-from lagcli.cli.help import described, usage_words
-from lagcli.cli.parameters import Command
+from lagcli.cli.app import COMMANDS, program
 
 PAGE = Path(__file__).with_name("lagcli.1")
 
@@ -29,24 +28,37 @@ No colours on the terminal.
 
 def manual() -> str:
     """Return the manual page in the macros of man(7)."""
+    app = program()
+    context = app.make_context("lagcli", [COMMANDS[0]], resilient_parsing=True)
     lines = ['.TH LAGCLI 1 "" "lagcli" "User Commands"', ".SH NAME"]
-    lines += [f"lagcli \\- {_text(_sentence(PROGRAM.help))}", ".SH SYNOPSIS"]
-    lines += [".B lagcli", "COMMAND [OPTIONS] [ARGUMENTS]", ".SH COMMANDS"]
+    lines += [f"lagcli \\- {_text(_sentence(app.help))}", ".SH SYNOPSIS"]
+    lines += [
+        ".B lagcli",
+        "COMMAND [OPTIONS] [ARGUMENTS]",
+        ".SH OPTIONS",
+        *_parameters(app, context),
+    ]
+    lines += [".SH COMMANDS"]
     for name in COMMANDS:
-        lines += _command(command(name))
-    lines += [".SH EXIT STATUS", *_statuses(EPILOG)]
+        lines += _command(name, app.get_command(context, name), context)
+    lines += [".SH EXIT STATUS", *_statuses(app.epilog)]
     return "\n".join(lines) + "\n" + _END
 
 
-def _command(entry: Command) -> Iterator[str]:
-    usage = " ".join(word.strip("{}") for word in usage_words(entry))
-    yield f".SS {_text(entry.name)} {_text(usage)}"
+def _command(name: str, entry: Any, above: Any) -> Iterator[str]:
+    context = entry.make_context(name, [], parent=above, resilient_parsing=True)
+    usage = " ".join(piece.strip("{}") for piece in entry.collect_usage_pieces(context))
+    yield f".SS lagcli {_text(name)} {_text(usage)}"
     for number, paragraph in enumerate(entry.help.split("\n\n")):
         if number:
             yield ".PP"
         yield _text(" ".join(paragraph.split()))
-    for parameter in entry.parameters:
-        name, text = described(parameter)
+    yield from _parameters(entry, context)
+
+
+def _parameters(entry: Any, context: Any) -> Iterator[str]:
+    for parameter in entry.params:
+        name, text = parameter.get_help_record(context)
         yield ".TP"
         yield f".B {_text(name)}"
         yield _text(" ".join(text.split()))

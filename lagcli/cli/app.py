@@ -1,18 +1,20 @@
 """The program `lagcli`: commands, exit statuses, and error handling."""
 
 import atexit
+import functools
 import os
 import signal
 import sys
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
 
 from lagcli.cli import streams
-from lagcli.cli.options import BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS, USAGE_STATUS
-from lagcli.cli.parameters import HELP, Command, CommandParameter, parameters_of
-from lagcli.cli.parsing import CommandLineError, split, values
+from lagcli.cli.options import BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS, CommandFunction
 from lagcli.errors import LagcliError
 from lagcli.simulations.memory import check_address_space
 from lagcli.simulations.threads import limit_process
@@ -24,27 +26,90 @@ _NAMES = [f[:-3].replace("_", "-") for f in _FILES if f.endswith(".py") and f[0]
 #: The commands, in the order of the help; each is the function with the name of its module.
 COMMANDS = (*_FIRST, *(name for name in _NAMES if name not in _FIRST))
 
-_VERSION = CommandParameter("version", ("--version",), "Print the version and exit.")
-#: The program itself.
-PROGRAM = Command(
-    "lagcli",
-    "Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
-    (_VERSION,),
-)
 EPILOG = (
     "Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the integration"
     " failed (the partial result is kept); 4 input/output error; 130 interrupted."
 )
 
 
-def command(name: str) -> Command:
-    """Return one of the commands; its module is imported."""
+class Commands(TyperGroup):
+    """The commands, of which only those that are called or described are imported."""
+
+    def __init__(self, **attributes: Any):
+        super().__init__(**attributes)
+        self.commands = dict.fromkeys(COMMANDS)  # type: ignore[assignment]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command as Typer runs it; None if there is none of this name."""
+        return command(cmd_name) if cmd_name in COMMANDS else None
+
+
+def command(name: str) -> Any:
+    """Return one of the commands as Typer runs it; its module is imported."""
     module = name.replace("-", "_")
     function = getattr(import_module(f"lagcli.cli.commands.{module}"), module)
-    parameters = getattr(function, "parameters", None) or parameters_of(function)
-    described = function.__doc__ or ""  # `python -OO` leaves docstrings out
-    lines = (line.strip() for line in described.splitlines())
-    return Command(f"lagcli {name}", "\n".join(lines).strip(), parameters, function)
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name)(_guarded(function))
+    return typer.main.get_command(alone)
+
+
+def program() -> Any:
+    """Return the program as Typer runs it."""
+    # plain help is the same on every terminal, and imports no formatter
+    app = typer.Typer(
+        name="lagcli",
+        cls=Commands,
+        help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
+        epilog=EPILOG,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
+    )
+    app.callback()(_program)
+    return typer.main.get_command(app)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"lagcli {__version__}")
+        raise typer.Exit
+
+
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+class _Interrupted(Exception):
+    """Ctrl-C where no partial result is kept; Typer would exit without a message."""
+
+
+def _guarded(function: CommandFunction) -> CommandFunction:
+    """Return a command that ends with its status, and prints errors as JSON with ``--json``."""
+
+    @functools.wraps(function)
+    def command(**options: Any) -> None:
+        check_address_space()
+        try:
+            status = function(**options)
+        except LagcliError as error:
+            if options.get("json"):
+                from lagcli.cli.summary import error_object, to_json
+
+                streams.tell(to_json(error_object(error)))
+            raise
+        except KeyboardInterrupt:
+            raise _Interrupted from None
+        raise typer.Exit(status or 0)
+
+    return command
 
 
 def main() -> None:
@@ -80,13 +145,13 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status."""
     try:
-        status = _dispatched(arguments)
+        status = _status(arguments)
         sys.stdout.flush()
     except LagcliError as error:
         _flush()
         _say(_rendered(error))
         return error.exit_status
-    except KeyboardInterrupt:
+    except (_Interrupted, KeyboardInterrupt):
         _flush()
         _say("interrupted")
         return INTERRUPTED_STATUS
@@ -101,68 +166,13 @@ def run(arguments: list[str]) -> int:
     return status
 
 
-def _dispatched(arguments: list[str]) -> int:
-    """Call the command of a command line, or print what the program's own options ask for."""
-    if not arguments:
-        _say(_help())
-        return USAGE_STATUS
-    requested = PROGRAM
+def _status(arguments: list[str]) -> int:
+    """Let Typer run a command line, and return the status that it exits with."""
     try:
-        given, rest = split(arguments, (_VERSION, HELP), mixed=False)
-        match next(iter(given), None):
-            case "version":
-                print(f"lagcli {__version__}")
-                return 0
-            case "help":
-                print(_help())
-                return 0
-        if not rest:
-            raise CommandLineError("Missing command.")
-        name, *words = rest
-        if name not in COMMANDS:
-            raise _no_such_command(name)
-        requested = command(name)
-        given, others = split(words, (*requested.parameters, HELP))
-        if HELP.name in given:
-            from lagcli.cli.help import page
-
-            print(page(requested))
-            return 0
-        options = values(given, others, requested.parameters)
-    except CommandLineError as error:
-        from lagcli.cli.help import misuse
-
-        _say(misuse(requested, str(error)))
-        return USAGE_STATUS
-    return _called(requested, options)
-
-
-def _called(requested: Command, options: dict[str, Any]) -> int:
-    """Call a command, and print errors as JSON with ``--json``."""
-    assert requested.function is not None
-    check_address_space()
-    try:
-        return requested.function(**options) or 0
-    except LagcliError as error:
-        if options.get("json"):
-            from lagcli.cli.summary import error_object, to_json
-
-            streams.tell(to_json(error_object(error)))
-        raise
-
-
-def _help() -> str:
-    """Return the help of the program."""
-    from lagcli.cli.help import page
-
-    return page(PROGRAM, [command(name) for name in COMMANDS], EPILOG)
-
-
-def _no_such_command(name: str) -> CommandLineError:
-    from difflib import get_close_matches
-
-    near = ", ".join(map(repr, get_close_matches(name, COMMANDS)))
-    return CommandLineError(f"No such command {name!r}." + f" Did you mean {near}?" * bool(near))
+        program().main(arguments, prog_name="lagcli")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    return 0
 
 
 def _flush() -> None:

@@ -7,8 +7,10 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
 from lagcli.cli.options import assignments
-from lagcli.cli.parameters import Option
+from lagcli.cli.quantities import NumberIn
 from lagcli.cli.streams import tell, text_width
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
@@ -19,14 +21,16 @@ if TYPE_CHECKING:
 
 At = Annotated[
     float | None,
-    Option("--at", metavar="T", unit="s", help="At the state of a run at this time, s."),
+    typer.Option(
+        "--at", metavar="T", parser=NumberIn("s"), help="At the state of a run at this time, s."
+    ),
 ]
 Equilibrium = Annotated[
-    bool, Option("--equilibrium", help="At the equilibrium near the initial values.")
+    bool, typer.Option("--equilibrium", help="At the equilibrium near the initial values.")
 ]
 Steady = Annotated[
     list[str] | None,
-    Option(
+    typer.Option(
         "--steady",
         metavar="NAME=VALUE",
         help='At the steady motion with this velocity, e.g. "phi\'=10", rate of a symmetry or'

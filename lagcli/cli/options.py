@@ -1,10 +1,13 @@
 """Arguments and options that several commands share, and the options for settings."""
 
 import functools
+import inspect
 from collections.abc import Callable, Iterable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from lagcli.cli.parameters import Argument, CommandParameter, Option, parameters_of
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.quantities import NumberIn, NumbersIn
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
@@ -12,55 +15,65 @@ from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumb
 from lagcli.settings.settings import SettingsOverrides
 
 #: Exit statuses that do not belong to an exception.
-BUG_STATUS, USAGE_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 2, 3, 130
+BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 3, 130
 
 
 ModelPath = Annotated[
     str,
-    Argument(
+    typer.Argument(
         metavar="MODEL",
+        autocompletion=completion.models,
         help="Model file (YAML), name of a shipped model, or - for standard input.",
     ),
 ]
 SetParameter = Annotated[
     list[str] | None,
-    Option(
+    typer.Option(
         "--set",
         metavar="NAME=VALUE",
+        autocompletion=completion.parameters,
         help="Set a parameter, e.g. m=2 or 'l=30 cm'. Repeatable.",
     ),
 ]
 SetInitial = Annotated[
     list[str] | None,
-    Option(
+    typer.Option(
         "--set-initial",
         metavar="NAME=VALUE",
+        autocompletion=completion.initial_values,
         help="Set and fix an initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
         " Repeatable.",
     ),
 ]
 PresetName = Annotated[
     str | None,
-    Option(
+    typer.Option(
         "--preset",
         metavar="PRESET",
+        autocompletion=completion.presets,
         help="Take the values of a preset of the model; --set and --set-initial replace them.",
     ),
 ]
-ResultFile = Annotated[str, Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")]
+ResultFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE", autocompletion=completion.results, help=f"Result file, {SUFFIX_NAMES}."
+    ),
+]
 ViewModel = Annotated[
     str | None,
-    Option(
+    typer.Option(
         "--model",
         metavar="MODEL",
+        autocompletion=completion.models,
         help="Model file whose view is used, instead of the text in the result.",
     ),
 ]
-Output = Annotated[str | None, Option("--output", "-o", metavar="FILE", help="Output file.")]
-Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
-Quiet = Annotated[bool, Option("--quiet", "-q", help="Print only results and errors.")]
-Json = Annotated[bool, Option("--json", help="Print one JSON object on standard output.")]
-NoColor = Annotated[bool, Option("--no-color", help="Disable colours (as NO_COLOR does).")]
+Output = Annotated[str | None, typer.Option("--output", "-o", metavar="FILE", help="Output file.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only results and errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+NoColor = Annotated[bool, typer.Option("--no-color", help="Disable colours (as NO_COLOR does).")]
 
 
 _EXAMPLES = {"--set-initial": "phi=0.3", "--steady": '"phi\'=10"'}
@@ -109,7 +122,7 @@ def with_settings(
         Names of settings to omit.
     """
     declared = SettingsOverrides.DECLARED
-    options = tuple(_option(declared[name]) for name in names or declared if name not in without)
+    options = [_option(declared[name]) for name in names or declared if name not in without]
 
     def decorate(function: CommandFunction) -> CommandFunction:
         @functools.wraps(function)
@@ -117,7 +130,13 @@ def with_settings(
             given = {option.name: arguments.pop(option.name) for option in options}
             return function(settings=_overrides(given), **arguments)
 
-        command.parameters = parameters_of(function, settings=options)  # type: ignore[attr-defined]
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(function).parameters.values():
+            own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            parameters += options if parameter.name == "settings" else [own]
+        # Typer reads the signature, and the annotations
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {p.name: p.annotation for p in parameters}
         return command
 
     return decorate
@@ -127,29 +146,35 @@ def with_settings(
 _METAVARS = {"s": "TIME", "1/s": "RATE"}
 
 
-def _option(setting: Setting[Any]) -> CommandParameter:
-    """Return the option of a setting."""
+def _option(setting: Setting[Any]) -> inspect.Parameter:
+    """Return the parameter from which Typer makes the option of a setting."""
     stated = f" [default: {setting.stated}]" if setting.stated else ""
     type_: Any = float
+    parser: Callable[[str], Any] | None = None
     match setting:
         case Flag():
             type_ = bool
         case WholeNumber():
             type_ = int
         case Times():
-            type_ = NumbersIn(setting.unit)
-        case Names() | Choice():
+            parser = NumbersIn(setting.unit)
+        case Names():
             type_ = str
+        case Choice():
+            type_ = Literal[setting.choices]
         case _ if setting.unit:
-            type_ = NumberIn(setting.unit)
-    return CommandParameter(
+            parser = NumberIn(setting.unit)
+    option = typer.Option(
+        "--" + setting.name.replace("_", "-"),
+        help=setting.help + stated,
+        metavar=setting.metavar or _METAVARS.get(setting.unit),
+        parser=parser,
+    )
+    return inspect.Parameter(
         setting.name,
-        ("--" + setting.name.replace("_", "-"),),
-        setting.help + stated,
-        setting.metavar or _METAVARS.get(setting.unit),
-        type_,
-        setting.choices,
+        inspect.Parameter.KEYWORD_ONLY,
         default=False if type_ is bool else None,
+        annotation=Annotated[type_ if type_ is bool else type_ | None, option],
     )
 
 

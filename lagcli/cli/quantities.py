@@ -1,40 +1,24 @@
-"""Types of options that are numbers, also with a unit: ``3``, ``0.5``, ``500 ms``."""
+"""Parsers of options that are numbers, also with a unit: ``3``, ``0.5``, ``500 ms``."""
 
 from __future__ import annotations
 
 import math
 
+import typer
 
-class PlainNumber:
-    """Type of the value of an option: a number without a unit.
+
+def real(text: str) -> float:
+    """Return a number without a unit; raises ValueError if the text is none.
 
     Spellings that only Python knows, such as ``1_0`` and digits of other scripts, are not numbers.
-
-    Parameters
-    ----------
-    type_ : type
-        ``int`` or ``float``.
     """
-
-    def __init__(self, type_: type[int] | type[float]):
-        self.type, self.__name__ = type_, type_.__name__
-
-    def __call__(self, text: str) -> float:
-        """Return the number; raises ValueError if the text is none."""
-        if "_" in text or not text.isascii():
-            raise ValueError(f"{text!r} is not a number")
-        return self.type(text)
-
-
-REAL, WHOLE = PlainNumber(float), PlainNumber(int)
-
-
-class WrongNumber(ValueError):
-    """Text that is not a number in the unit, or with another unit of its dimension."""
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is not a number")
+    return float(text)
 
 
 class NumberIn:
-    """Type of the value of an option: a number in a unit, or with another unit of its dimension.
+    """Parser of an option's value: a number in a unit, or with another unit of its dimension.
 
     Parameters
     ----------
@@ -52,11 +36,11 @@ class NumberIn:
 
         Raises
         ------
-        WrongNumber
+        BadParameter
             The text is not a number, or its unit is unknown or has another dimension.
         """
         try:
-            return REAL(text)
+            return real(text)
         except ValueError:
             return self._converted(text)
 
@@ -69,14 +53,14 @@ class NumberIn:
 
         match = WITH_UNIT.fullmatch(text)
         if match is None:
-            raise WrongNumber(f"{text!r} is not a number, as in 2 or '2 {self.unit}'")
+            raise typer.BadParameter(f"{text!r} is not a number, as in 2 or '2 {self.unit}'.")
         written = match[2].strip()
         try:
             unit = read_unit(written)
         except UnknownUnit as error:
-            raise WrongNumber(f"{text!r}: {error}") from None
+            raise typer.BadParameter(f"{text!r}: {error}.") from None
         if not same(unit.dimension, read_unit(self.unit).dimension):
-            raise WrongNumber(f"{text!r} is in {written}, but must be in {self.unit}")
+            raise typer.BadParameter(f"{text!r} is in {written}, but must be in {self.unit}.")
         value = float(match[1])
         if value == 0 or math.isinf(value):
             return value  # the fraction of such a number may be too long
@@ -87,7 +71,7 @@ class NumberIn:
 
 
 class NumbersIn:
-    """Type of the value of an option: quantities, separated by commas.
+    """Parser of an option's value: quantities, separated by commas.
 
     Parameters
     ----------

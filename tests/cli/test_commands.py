@@ -561,9 +561,9 @@ def test_help_shows_every_option_with_its_text(here: Here, command: str) -> None
 
     assert here(command, "--help") == 0
     words = " ".join(here.out.split())
-    for parameter in app.command(command).parameters:
-        if parameter.flags:
-            assert max(parameter.flags, key=len) in words, parameter.name
+    for parameter in app.command(command).params:
+        if parameter.param_type_name == "option":
+            assert max(parameter.opts, key=len) in words, parameter.name
         assert parameter.help, f"{command}: {parameter.name} has no help"
         assert " ".join(parameter.help.split())[:25] in words
 

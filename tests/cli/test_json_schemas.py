@@ -67,9 +67,7 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
     return found
 
 
-WITH_JSON = [
-    name for name in COMMANDS if any("--json" in x.flags for x in app.command(name).parameters)
-]
+WITH_JSON = [name for name in COMMANDS if any("--json" in x.opts for x in app.command(name).params)]
 
 
 def described(part: Any) -> bool:

@@ -9,7 +9,6 @@ import pytest
 
 import lagcli
 from lagcli.cli.app import COMMANDS, command, run
-from lagcli.cli.commands.completion import candidates
 from lagcli.sweeps.file.store import open_sweep
 
 SHORT = ("--t-end", "0.1", "--samples", "11", "--quiet")
@@ -17,7 +16,7 @@ SHORT = ("--t-end", "0.1", "--samples", "11", "--quiet")
 
 def test_commands_with_initial_values_have_presets() -> None:
     for name in COMMANDS:
-        flags = {flag for parameter in command(name).parameters for flag in parameter.flags}
+        flags = {flag for parameter in command(name).params for flag in parameter.opts}
         assert ("--set-initial" in flags) == ("--preset" in flags), name
 
 
@@ -54,8 +53,3 @@ def test_a_sweep_varies_what_a_preset_sets(tmp_path: Path) -> None:
 def test_a_preset_that_does_not_exist_is_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["check", "four_bar", "--preset", "slwo"]) == 2
     assert "the model has no preset `slwo`; did you mean `slow`?" in capsys.readouterr().err
-
-
-def test_names_of_presets_are_completed() -> None:
-    line = ("simulate", "four_bar", "--preset")
-    assert [c.word for c in candidates((*line, ""))] == ["slow", "motor", "crossed"]

@@ -81,8 +81,8 @@ def test_readme_names_the_two_commands_and_they_are_targets():
 @pytest.mark.parametrize("command", app.COMMANDS)
 def test_every_option_is_documented(command):
     page = (ROOT / "docs" / "command-line.md").read_text()
-    options = app.command(command).parameters
-    names = [n for p in options for n in p.flags if n.startswith("--")]
+    options = app.command(command).params
+    names = [n for p in options for n in p.opts if n.startswith("--")]
     assert f"## lagcli {command}" in page
     assert not [n for n in names if n != "--help" and f"`{n}" not in page]
 

@@ -20,7 +20,7 @@ def test_every_command_and_option_is_listed():
     assert list(sections) == list(COMMANDS)
     for name in COMMANDS:
         listed = re.findall(r"^\.B .*?(--[\w-]+)", sections[name], flags=re.M)
-        options = [p.flags for p in command(name).parameters if p.flags]
+        options = [p.opts for p in command(name).params if p.param_type_name == "option"]
         expected = [next(n for n in names if n.startswith("--")) for names in options]
         assert listed == expected, f"{name}: run python docs/man.py"
 

@@ -4,6 +4,9 @@ import re
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
 from lagcli.cli.options import (
     Force,
@@ -14,7 +17,7 @@ from lagcli.cli.options import (
     SetParameter,
     ViewModel,
 )
-from lagcli.cli.parameters import Argument, Option
+from lagcli.cli.quantities import NumberIn
 from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
@@ -27,14 +30,15 @@ if TYPE_CHECKING:
 def animate(
     file: Annotated[
         str,
-        Argument(
+        typer.Argument(
             metavar="FILE",
+            autocompletion=completion.results,
             help=f"Result file, {SUFFIX_NAMES}; with --mode, a model file or a file of modes, .h5.",
         ),
     ],
     output: Annotated[
         str,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -44,44 +48,55 @@ def animate(
     model: ViewModel = None,
     start: Annotated[
         float | None,
-        Option("--from", metavar="TIME", unit="s", help="Start time of the animated part, s."),
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            parser=NumberIn("s"),
+            help="Start time of the animated part, s.",
+        ),
     ] = None,
     end: Annotated[
         float | None,
-        Option("--to", metavar="TIME", unit="s", help="End time of the animated part, s."),
+        typer.Option(
+            "--to", metavar="TIME", parser=NumberIn("s"), help="End time of the animated part, s."
+        ),
     ] = None,
     speed: Annotated[
         float | None,
-        Option(
+        typer.Option(
             help="Simulated seconds per second. [default: 1, real time; slower for motions"
             " under a second, faster for those over a minute]"
         ),
     ] = None,
     duration: Annotated[
         float | None,
-        Option(metavar="TIME", unit="s", help="Duration of the animation, s, instead of --speed."),
+        typer.Option(
+            metavar="TIME",
+            parser=NumberIn("s"),
+            help="Duration of the animation, s, instead of --speed.",
+        ),
     ] = None,
     fps: Annotated[
         float | None,
-        Option(help="Frames per second of a video. [default: 25 for GIF, 50 for MP4]"),
+        typer.Option(help="Frames per second of a video. [default: 25 for GIF, 50 for MP4]"),
     ] = None,
     size: Annotated[
         str | None,
-        Option(metavar="WxH", help="Size of a video in pixels. [default: 640x480]"),
+        typer.Option(metavar="WxH", help="Size of a video in pixels. [default: 640x480]"),
     ] = None,
     no_forces: Annotated[
         bool,
-        Option("--no-forces", help="Hide force arrows; a page can show them again."),
+        typer.Option("--no-forces", help="Hide force arrows; a page can show them again."),
     ] = False,
     mode: Annotated[
         int | None,
-        Option(
+        typer.Option(
             "--mode", metavar="N", help="Animate mode N of a model, as lagcli modes numbers it."
         ),
     ] = None,
     amplitude: Annotated[
         float | None,
-        Option(
+        typer.Option(
             help="With --mode: amplitude of the coordinate whose shape is 1. [default: visible]"
         ),
     ] = None,

@@ -2,8 +2,9 @@
 
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.options import Json, ModelPath, PresetName, SetInitial, SetParameter, assignments
-from lagcli.cli.parameters import Option
 
 
 def check(
@@ -13,10 +14,10 @@ def check(
     preset: PresetName = None,
     width: Annotated[
         int | None,
-        Option(
+        typer.Option(
             "--width",
-            least=40,
-            most=1000,
+            min=40,
+            max=1000,
             help="Columns of text. [default: 80, or those of a narrower terminal]",
         ),
     ] = None,

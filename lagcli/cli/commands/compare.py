@@ -2,6 +2,9 @@
 
 from typing import Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.operating_point import check_target, print_analysis
 from lagcli.cli.options import (
     Force,
@@ -14,8 +17,7 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
-from lagcli.cli.parameters import Argument, Option
-from lagcli.cli.quantities import REAL
+from lagcli.cli.quantities import real
 from lagcli.errors import UsageError
 from lagcli.files import refuse_same_file
 from lagcli.settings.settings import SettingsOverrides
@@ -25,11 +27,16 @@ from lagcli.settings.settings import SettingsOverrides
 def compare(
     model: ModelPath,
     other: Annotated[
-        str | None, Argument(help="Another model of the same system.", metavar="[OTHER]")
+        str | None,
+        typer.Argument(
+            help="Another model of the same system.",
+            metavar="[OTHER]",
+            autocompletion=completion.models,
+        ),
     ] = None,
     formulation: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             "--formulation",
             metavar="NAME,…",
             help="projection, baumgarte, index1, ggl, maggi, second. Repeatable.",
@@ -37,15 +44,15 @@ def compare(
     ] = None,
     method: Annotated[
         list[str] | None,
-        Option("--method", metavar="NAME,…", help="Integration methods. Repeatable."),
+        typer.Option("--method", metavar="NAME,…", help="Integration methods. Repeatable."),
     ] = None,
     rtol: Annotated[
         list[str] | None,
-        Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
+        typer.Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
     ] = None,
     output: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -106,6 +113,6 @@ def _names(given: list[str] | None) -> list[str]:
 
 def _number(text: str) -> float:
     try:
-        return REAL(text)
+        return real(text)
     except ValueError:
         raise UsageError(f"--rtol {text!r} is not a number; give --rtol 1e-6,1e-9") from None

@@ -5,6 +5,8 @@ from enum import StrEnum
 from pathlib import PurePath
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.options import (
     Force,
     ModelPath,
@@ -13,7 +15,6 @@ from lagcli.cli.options import (
     SetParameter,
     assignments,
 )
-from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width, visible_json
 from lagcli.errors import LagcliError, UsageError
 from lagcli.files import refuse_same_file
@@ -43,7 +44,7 @@ def derive(
     model: ModelPath,
     format: Annotated[
         Format | None,
-        Option(
+        typer.Option(
             "--format",
             "-f",
             help="Output format; pdf needs an installed LaTeX. [default: that of the output file's"
@@ -51,11 +52,11 @@ def derive(
         ),
     ] = None,
     steps: Annotated[
-        bool, Option("--steps", help="Show the derivation step by step, as in the textbook.")
+        bool, typer.Option("--steps", help="Show the derivation step by step, as in the textbook.")
     ] = False,
     kind: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--kind",
             metavar="KINDS",
             help="first: with multipliers; second: in independent coordinates; maggi: projected on"
@@ -65,7 +66,7 @@ def derive(
     ] = None,
     independent: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--independent",
             metavar="NAMES",
             help="Independent coordinates, separated by commas, for the kinds second and maggi."
@@ -74,34 +75,34 @@ def derive(
     ] = None,
     solve: Annotated[
         bool,
-        Option("--solve", help="Solve for λ and q'' in closed form, where that is short."),
+        typer.Option("--solve", help="Solve for λ and q'' in closed form, where that is short."),
     ] = False,
     numeric: Annotated[
-        bool, Option("--numeric", help="Insert the values of the parameters.")
+        bool, typer.Option("--numeric", help="Insert the values of the parameters.")
     ] = False,
     fragment: Annotated[
         bool,
-        Option("--fragment", help="LaTeX without preamble, for inclusion in a document."),
+        typer.Option("--fragment", help="LaTeX without preamble, for inclusion in a document."),
     ] = False,
     full: Annotated[
         bool,
-        Option(
+        typer.Option(
             "--full", help="Write everything out; large models give thousands of lines, in minutes."
         ),
     ] = False,
     width: Annotated[
         int | None,
-        Option(
+        typer.Option(
             "--width",
-            least=40,
-            most=1000,
+            min=40,
+            max=1000,
             help="Columns of text. [default: the terminal's, 60 to 120]",
         ),
     ] = None,
     set: SetParameter = None,
     output: Output = None,
     force: Force = False,
-    json: Annotated[bool, Option("--json", help="The same as --format json.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Derive Lagrange's equations and print them.

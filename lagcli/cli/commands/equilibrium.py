@@ -2,21 +2,24 @@
 
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.operating_point import check_target, load_along, load_steady, print_analysis
 from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
-from lagcli.cli.parameters import Option
 from lagcli.errors import UsageError
 
 
 def equilibrium(
     model: ModelPath,
     all: Annotated[
-        bool, Option("--all", help="Search for all equilibria, from many starts.")
+        bool, typer.Option("--all", help="Search for all equilibria, from many starts.")
     ] = False,
-    starts: Annotated[int, Option("--starts", metavar="N", help="Starts for --all.", least=1)] = 64,
+    starts: Annotated[
+        int, typer.Option("--starts", metavar="N", help="Starts for --all.", min=1)
+    ] = 64,
     steady: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             "--steady",
             metavar="NAME[=VALUE]",
             help='Find steady motions with this velocity, e.g. "phi\'=10", rate of a symmetry that'
@@ -26,7 +29,7 @@ def equilibrium(
     ] = None,
     along: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--along",
             metavar="NAME=START:END",
             help="Follow the equilibrium as a parameter varies, e.g. P=0:3, or a value of steady"
@@ -36,13 +39,13 @@ def equilibrium(
     ] = None,
     branches: Annotated[
         bool,
-        Option(
+        typer.Option(
             "--branches", help="With --along: also follow branches that cross, in both directions."
         ),
     ] = False,
     output: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",

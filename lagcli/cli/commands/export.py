@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import (
     Force,
     Output,
@@ -15,7 +18,6 @@ from lagcli.cli.options import (
     SetParameter,
     assignments,
 )
-from lagcli.cli.parameters import Argument, Option
 from lagcli.files import refuse_same_file
 from lagcli.pictures.languages import Language
 
@@ -46,26 +48,29 @@ class FmiVersion(StrEnum):
 def export(
     models: Annotated[
         list[str],
-        Argument(
+        typer.Argument(
             metavar="MODEL…",
+            autocompletion=completion.models,
             help="Model file (YAML), name of a shipped model, or - for standard input; several for"
             " a folder of pages.",
         ),
     ],
     to: Annotated[
         ExportTarget | None,
-        Option("--to", help="Language, library or standard. [default: that of the file's suffix]"),
+        typer.Option(
+            "--to", help="Language, library or standard. [default: that of the file's suffix]"
+        ),
     ] = None,
     output: Output = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
     preset: PresetName = None,
     fmi: Annotated[
-        FmiVersion, Option("--fmi", help="Version of FMI, of an FMU.")
+        FmiVersion, typer.Option("--fmi", help="Version of FMI, of an FMU.")
     ] = FmiVersion.fmi2,
     input: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             "--input",
             metavar="NAME",
             help="A parameter that is an input of the FMU. Repeatable.",
@@ -73,19 +78,19 @@ def export(
     ] = None,
     wheels: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--wheels",
             metavar="FOLDER",
             help="Wheels of lagcli for other platforms, on which the FMU is to run, too.",
         ),
     ] = None,
     lang: Annotated[
-        Language, Option("--lang", help="Language of the words of a page.")
+        Language, typer.Option("--lang", help="Language of the words of a page.")
     ] = Language.en,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a model for other programs: as code, as an FMU, or as a page that simulates it.
+    """Write a model for other programs: as code, an FMU or a page.
 
     The code computes M, f, B and γ, accelerations, multipliers, residuals, energies and outputs.
     Files end in .c, .py (NumPy; CasADi or JAX with --to), .m (MATLAB, Octave) or .mo (Modelica).

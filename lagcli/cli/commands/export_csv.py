@@ -2,13 +2,20 @@
 
 from typing import Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import Force
-from lagcli.cli.parameters import Argument, Option
 
 
 def export_csv(
-    file: Annotated[str, Argument(metavar="SWEEP.h5", help="Sweep file.")],
-    output: Annotated[str, Option("--output", "-o", metavar="FILE", help="CSV file to write.")],
+    file: Annotated[
+        str,
+        typer.Argument(metavar="SWEEP.h5", autocompletion=completion.results, help="Sweep file."),
+    ],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")
+    ],
     force: Force = False,
 ) -> None:
     """Write the table of a sweep file as CSV.

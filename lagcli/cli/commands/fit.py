@@ -3,6 +3,8 @@
 import sys
 from typing import Annotated, Literal
 
+import typer
+
 from lagcli.cli.options import (
     Force,
     Json,
@@ -14,7 +16,6 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
-from lagcli.cli.parameters import Option
 from lagcli.files import refuse_same_file
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
@@ -27,19 +28,21 @@ def fit(
     model: ModelPath,
     output: Annotated[
         str | None,
-        Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
+        typer.Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
     ] = None,
     starts: Annotated[
-        int, Option(help="Number of searches; all but the first begin between the bounds.")
+        int, typer.Option(help="Number of searches; all but the first begin between the bounds.")
     ] = 1,
     ci: Annotated[
         Literal["wald", "profile"],
-        Option(help="Confidence intervals: from standard errors, or from profiles of chi-square."),
+        typer.Option(
+            help="Confidence intervals: from standard errors, or from profiles of chi-square."
+        ),
     ] = "wald",
-    level: Annotated[float, Option(help="Confidence level of the intervals.")] = 0.95,
+    level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
     write: Annotated[
         str | None,
-        Option(metavar="FILE", help="Write the model with the values found, .yaml."),
+        typer.Option(metavar="FILE", help="Write the model with the values found, .yaml."),
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,

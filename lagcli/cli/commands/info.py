@@ -2,8 +2,10 @@
 
 from typing import Annotated, Any
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import Json
-from lagcli.cli.parameters import Argument, Option
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
 
@@ -11,12 +13,17 @@ from lagcli.results.formats import SUFFIX_NAMES
 def info(
     file: Annotated[
         str,
-        Argument(
-            metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, sweep file, or .h5 of an analysis."
+        typer.Argument(
+            metavar="FILE",
+            autocompletion=completion.results,
+            help=f"Result file, {SUFFIX_NAMES}, sweep file, or .h5 of an analysis.",
         ),
     ],
     quantiles: Annotated[
-        bool, Option(help="Also print the quantiles of the columns of a sweep file.")
+        bool,
+        typer.Option(
+            "--quantiles", help="Also print the quantiles of the columns of a sweep file."
+        ),
     ] = False,
     json: Json = False,
 ) -> None:

@@ -2,6 +2,8 @@
 
 from typing import Annotated, Literal
 
+import typer
+
 from lagcli.cli.operating_point import (
     At,
     Equilibrium,
@@ -11,7 +13,6 @@ from lagcli.cli.operating_point import (
     print_analysis,
 )
 from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
-from lagcli.cli.parameters import Option
 
 
 def linearize(
@@ -21,7 +22,7 @@ def linearize(
     steady: Steady = None,
     form: Annotated[
         Literal["reduced", "descriptor"],
-        Option(
+        typer.Option(
             "--form",
             help="reduced: independent coordinates and velocities; descriptor: all coordinates,"
             " velocities and multipliers, with the constraints as equations.",
@@ -29,7 +30,7 @@ def linearize(
     ] = "reduced",
     input: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             "--input",
             metavar="NAME",
             help="An input: a parameter of the forces or of V, or Q.phi, a force on a coordinate."
@@ -38,7 +39,7 @@ def linearize(
     ] = None,
     output: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             "--output",
             metavar="NAME",
             help="An output: a column of results or output of the model, e.g. phi, phi_dot,"
@@ -47,7 +48,7 @@ def linearize(
     ] = None,
     file: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--file", "-o", metavar="FILE", help="Output file: .json, .npz, .mat (MATLAB) or .h5."
         ),
     ] = None,

@@ -3,13 +3,18 @@
 import sys
 from typing import Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import Json
-from lagcli.cli.parameters import Argument
 
 
 def models(
     name: Annotated[
-        str | None, Argument(metavar="NAME", help="Print the file of this model.")
+        str | None,
+        typer.Argument(
+            metavar="NAME", autocompletion=completion.shipped, help="Print the file of this model."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

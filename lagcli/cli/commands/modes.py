@@ -2,6 +2,8 @@
 
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.operating_point import (
     At,
     Equilibrium,
@@ -11,7 +13,6 @@ from lagcli.cli.operating_point import (
     print_analysis,
 )
 from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
-from lagcli.cli.parameters import Option
 
 
 def modes(
@@ -21,7 +22,7 @@ def modes(
     steady: Steady = None,
     output: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",

@@ -5,19 +5,31 @@ import re
 import sys
 from typing import Annotated
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import Force, Quiet
-from lagcli.cli.parameters import Argument, Option
 
 
 def new(
-    file: Annotated[str, Argument(metavar="FILE.yaml", help="Model file to write.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE.yaml", autocompletion=completion.model_files, help="Model file to write."
+        ),
+    ],
     source: Annotated[
         str | None,
-        Option("--from", metavar="NAME", help="Copy a shipped model (`lagcli models` lists them)."),
+        typer.Option(
+            "--from",
+            metavar="NAME",
+            autocompletion=completion.shipped,
+            help="Copy a shipped model (`lagcli models` lists them).",
+        ),
     ] = None,
     coordinates: Annotated[
         str | None,
-        Option(metavar="NAMES", help="Coordinates of the model, e.g. x,y. [default: x,y]"),
+        typer.Option(metavar="NAMES", help="Coordinates of the model, e.g. x,y. [default: x,y]"),
     ] = None,
     force: Force = False,
     quiet: Quiet = False,

@@ -5,6 +5,8 @@ import sys
 import threading
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.options import (
     ModelPath,
     PresetName,
@@ -14,7 +16,6 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
-from lagcli.cli.parameters import Option
 from lagcli.settings.settings import SettingsOverrides
 
 
@@ -23,10 +24,10 @@ def play(
     model: ModelPath,
     port: Annotated[
         int | None,
-        Option(least=0, most=65535, help="Port of 127.0.0.1. [default: a free one]"),
+        typer.Option(min=0, max=65535, help="Port of 127.0.0.1. [default: a free one]"),
     ] = None,
     no_browser: Annotated[
-        bool, Option("--no-browser", help="Print the address without opening a browser.")
+        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,

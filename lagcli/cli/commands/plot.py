@@ -2,8 +2,10 @@
 
 from typing import Annotated, Any
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import Force
-from lagcli.cli.parameters import Argument, Option
 from lagcli.cli.streams import print_notes
 from lagcli.errors import UsageError
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
@@ -12,8 +14,9 @@ from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
 def plot(
     arguments: Annotated[
         list[str],
-        Argument(
+        typer.Argument(
             metavar="FILE… [NAME…]",
+            autocompletion=completion.results,
             help=f"Result files ({SUFFIX_NAMES}), and the quantities to plot: phi, phi_dot,"
             " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b plots b over a; a,b"
             " share a panel. [default: coordinates, λ and energies]",
@@ -21,23 +24,25 @@ def plot(
     ],
     output: Annotated[
         str,
-        Option("--output", "-o", metavar="FILE", help="Figure to write: .png, .svg or .pdf."),
+        typer.Option("--output", "-o", metavar="FILE", help="Figure to write: .png, .svg or .pdf."),
     ],
-    title: Annotated[str | None, Option(help="Title, instead of the model's; '' for none.")] = None,
-    size: Annotated[
-        str | None, Option(metavar="WxH", help="Width and height in inches, such as 7x4.")
+    title: Annotated[
+        str | None, typer.Option(help="Title, instead of the model's; '' for none.")
     ] = None,
-    dpi: Annotated[float, Option(help="Resolution of a .png in dots per inch.")] = 150,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in inches, such as 7x4.")
+    ] = None,
+    dpi: Annotated[float, typer.Option(help="Resolution of a .png in dots per inch.")] = 150,
     model: Annotated[
         str | None,
-        Option(
+        typer.Option(
             metavar="MODEL",
             help="Model file, instead of the model stored in the result; CSV stores none.",
         ),
     ] = None,
     band: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             metavar="NAME=SPREAD",
             help="Draw the uncertainty bands that follow from the spread of a parameter, l=0.01 or"
             " l=5%, of a run simulated with --sensitivity; repeatable. For a sweep, the band that"

@@ -2,8 +2,9 @@
 
 from typing import Annotated
 
+import typer
+
 from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
-from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell
 from lagcli.pictures.languages import Language
 
@@ -12,15 +13,15 @@ def report(
     file: ResultFile,
     output: Annotated[
         str,
-        Option(
+        typer.Option(
             "--output", "-o", metavar="FILE", help="Page to write, .html; .pdf of a run, by LaTeX."
         ),
     ],
-    title: Annotated[str | None, Option(help="Title, instead of the model's name.")] = None,
+    title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
     model: ViewModel = None,
     modes: Annotated[
         str | None,
-        Option(
+        typer.Option(
             metavar="ABOUT",
             help="Of a run: add the modes of its model about its start, the equilibrium next to it,"
             " or its state at a time: --modes start, equilibrium or 1.5.",
@@ -28,10 +29,13 @@ def report(
     ] = None,
     live: Annotated[
         bool,
-        Option(help="Of a run: write a page that simulates its model, with its values, instead."),
+        typer.Option(
+            "--live",
+            help="Of a run: write a page that simulates its model, with its values, instead.",
+        ),
     ] = False,
     lang: Annotated[
-        Language, Option("--lang", help="Language of the words of the page.")
+        Language, typer.Option("--lang", help="Language of the words of the page.")
     ] = Language.en,
     force: Force = False,
     quiet: Quiet = False,

@@ -6,6 +6,8 @@ import time
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
 from lagcli.cli.options import (
     FAILED_STATUS,
     INTERRUPTED_STATUS,
@@ -20,7 +22,6 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
-from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, text_width
 from lagcli.errors import UsageError
 from lagcli.files import refuse_same_file
@@ -37,7 +38,7 @@ def simulate(
     model: ModelPath,
     output: Annotated[
         str | None,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -52,10 +53,10 @@ def simulate(
     settings: SettingsOverrides,
     strict: Annotated[
         bool,
-        Option("--strict", help="Exit with status 3 if the summary has warnings."),
+        typer.Option("--strict", help="Exit with status 3 if the summary has warnings."),
     ] = False,
     meta: Annotated[
-        bool, Option("--meta", help="Write the provenance of a CSV file to FILE.json.")
+        bool, typer.Option("--meta", help="Write the provenance of a CSV file to FILE.json.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,

@@ -6,6 +6,9 @@ from contextlib import contextmanager
 from enum import StrEnum
 from typing import Annotated, Any
 
+import typer
+
+from lagcli.cli import completion
 from lagcli.cli.options import (
     FAILED_STATUS,
     INTERRUPTED_STATUS,
@@ -20,7 +23,6 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
-from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, text_width, visible
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
@@ -44,7 +46,7 @@ def sweep(
     model: ModelPath,
     output: Annotated[
         str,
-        Option(
+        typer.Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -53,8 +55,9 @@ def sweep(
     ],
     vary: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             metavar="NAME=VALUES",
+            autocompletion=completion.varied,
             help="A quantity to vary and its values: m=1:2:0.1, l=0.2,0.3,"
             " 'phi=linspace(0, pi, 9)', logspace(first, last, count), @file.csv; with --sample, a"
             " range: m=1..2, uniform, loguniform(a, b), normal(mean, deviation). Repeatable: all"
@@ -63,7 +66,7 @@ def sweep(
     ] = None,
     measure: Annotated[
         list[str] | None,
-        Option(
+        typer.Option(
             metavar="NAME=EXPR",
             help="A number computed from each run: max, min, mean, rms, final, argmax, argmin of an"
             " expression, at(expression, time), time_of(condition), and arithmetic of these, e.g."
@@ -72,31 +75,31 @@ def sweep(
     ] = None,
     keep: Annotated[
         Keep | None,
-        Option(
+        typer.Option(
             help="Store only the measures, or all samples too. [default: measures if any is given"
             " or the samples take more than 1 GB, else trajectories]"
         ),
     ] = None,
     sample: Annotated[
         str | None,
-        Option(
+        typer.Option(
             metavar="KIND:N", help="Sample N points from the ranges: sobol:N, lhs:N or random:N."
         ),
     ] = None,
-    seed: Annotated[int, Option(help="Seed of --sample.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
     zip_: Annotated[
         bool,
-        Option("--zip", help="Vary all quantities together instead of all combinations."),
+        typer.Option("--zip", help="Vary all quantities together instead of all combinations."),
     ] = False,
     jobs: Annotated[
         int | None,
-        Option(
-            "--jobs", "-j", least=1, help="Number of processes. [default: the number of processors]"
+        typer.Option(
+            "--jobs", "-j", min=1, help="Number of processes. [default: the number of processors]"
         ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        Option(
+        typer.Option(
             metavar="ADDRESS",
             help="Run the rows on the workers of a Dask scheduler, tcp://HOST:PORT, or local:N for"
             " N workers on this machine; needs lagcli[cluster].",
@@ -104,14 +107,14 @@ def sweep(
     ] = None,
     resume: Annotated[
         bool,
-        Option("--resume", help="Continue an interrupted sweep: run the missing rows."),
+        typer.Option("--resume", help="Continue an interrupted sweep: run the missing rows."),
     ] = False,
     retry_failed: Annotated[
-        bool, Option("--retry-failed", help="With --resume, repeat failed rows too.")
+        bool, typer.Option("--retry-failed", help="With --resume, repeat failed rows too.")
     ] = False,
     strict: Annotated[
         bool,
-        Option(
+        typer.Option(
             "--strict",
             help="Count a row as failed if `lagcli simulate` would warn: its energy balance or"
             " residuals exceed what the tolerance explains, its inertia is negative, or values"
