@@ -4,7 +4,7 @@
 
 Each loop is one of `sh`; its interpreters import what a simulation needs. They take turns, ten
 processes at a time, so that what else the machine does falls on both alike. The promise is that 100
-runs cost at most 1.7 times as much (docs/shell-sweeps.md).
+runs cost at most 2.2 times as much (docs/shell-sweeps.md).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from startup import IMPORTS, MODEL, ROOT
 
-LIMIT = 1.7
+LIMIT = 2.2
 TURN = 10
 
 

@@ -3,8 +3,8 @@
     python tests/benchmark/startup.py [ROUNDS]
 
 All run in turn, so that what else the machine does falls on all alike; processor time is counted,
-and the least of each is compared. The goals are a ratio of at most 1.2 for simulations, and 40 ms
-above `python` for version and help (docs/decisions/2026-11-start-up.md).
+and the least of each is compared. `tests/benchmark/test_startup.py` limits the instructions
+(docs/decisions/2026-11-start-up.md).
 """
 
 from __future__ import annotations

@@ -124,6 +124,6 @@ def judge(
             verdicts.append(Verdict(target, f"{value:.3g}", value >= 100))
     if process is not None:
         value = process.simulate / process.imports
-        target = "the whole process at most 1.6 times the bare imports"
-        verdicts.append(Verdict(target, f"{value:.3g}", value <= 1.6))
+        target = "the whole process at most 2.2 times the bare imports"
+        verdicts.append(Verdict(target, f"{value:.3g}", value <= 2.2))
     return verdicts
