@@ -196,8 +196,8 @@ def order_at(
     """Find a static order of elimination for [[M, Bᵀ], [B, 0]].
 
     Pivots are judged in a matrix scaled by inertias and, in small systems, in one whose rows are
-    equally large; the second order is kept unless the first one has clearly fewer updates, or as
-    many: pivots of constraints that follow M are definite in all configurations in which M is.
+    equally large; the second order is kept unless the first one has clearly fewer updates or, with
+    constraints, as many: their pivots after M are definite in all configurations in which M is.
 
     In addition to the given states, the order must suit M and B near the first one: an entry that
     vanishes only in a special configuration (a chain that hangs straight) does not count as zero.
@@ -240,7 +240,7 @@ def order_at(
         if elimination is None or (
             other is not None
             and elimination.updates > _FEWER * other.updates
-            and elimination.updates != other.updates
+            and not (count and elimination.updates == other.updates)
         ):
             elimination = other
     if elimination is None:
