@@ -258,3 +258,23 @@ def test_the_description_says_what_there_is(tmp_path: Path) -> None:
         new = ("hasEventMode", "mightReturnEarlyFromDoStep", "providesIntermediateUpdate")
         for attribute in (*new, "canReturnEarlyAfterIntermediateUpdate"):
             assert kind.get(attribute) == (None if version == "2.0" else "true")
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("corner_rest_fails", "newton"),
+        ("free_body_fails_newton", "newton"),
+        ("closed_but_separating", "poisson"),
+        ("funnel_poisson_fails", "poisson"),
+    ],
+)
+def test_impacts_at_the_start_are_those_of_simulate(name: str, law: str, tmp_path: Path) -> None:
+    """Also where there are hundreds of them."""
+    text = (Path(__file__).parents[2] / "found" / f"{name}.yaml").read_text()
+    model = lagcli.load_text(f"{text}\nsimulation: {{t_end: 3, samples: 7, impacts: {law}}}\n")
+    run = lagcli.simulate(model)
+    fmu, names = unpacked(model, tmp_path, "3.0"), state_names(model)
+    found = with_events(fmu, names, [0.0, 3.0])
+    size = np.abs(run.v).max() + 1e-9
+    assert found.values == pytest.approx(np.concatenate([run.q[-1], run.v[-1]]), abs=1e-7 * size)

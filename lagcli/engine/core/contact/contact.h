@@ -75,9 +75,8 @@ size_t lag_contact_memory(int n);
 enum { LAG_COMPRESSION, LAG_EXPANSION, LAG_NEWTON_PHASE };
 
 /*
- * An impact: velocities before, of the rows that take part: contacts that are closed and approach or
- * rest, their friction, and bilateral rows that limit friction. The limit of row k is
- * sum_j friction[k n + j] |impulse_j|.
+ * An impact: velocities before, of the rows that take part: contacts that are closed, also some that open, their
+ * friction, and bilateral rows that limit friction. The limit of row k is sum_j friction[k n + j] |impulse_j|.
  */
 typedef struct lag_impact {
     int n;
@@ -103,10 +102,9 @@ typedef struct lag_impact_result {
 
 /*
  * Poisson's law: compression 0 <= y, x, x y = 0, then expansion with 0 <= y, x - e x_C, y (x - e x_C) = 0.
- * Newton's law: 0 <= y + e y_before instead of 0 <= y. Sequential: Poisson's law of one unilateral row
- * after the other, always the one with the largest y^2 / A of those that approach; of equal ones the
- * first; after 200 of these for each contact, all that are left happen at once. Coulomb's friction in all
- * phases.
+ * Newton's law: 0 <= y + e y_before instead of 0 <= y, of contacts that do not open. Sequential: Poisson's law of one
+ * unilateral row after the other, always the one with the largest y^2 / A of those that approach; of equal ones the
+ * first; after 200 of these for each contact, all that are left happen at once. Coulomb's friction in all phases.
  *
  * Returns what lag_solve_contacts does; of two motions the result is the first that was found.
  * memory: lag_impact_memory(n) bytes, aligned for double.
