@@ -130,7 +130,10 @@ def _expressions_of(model: Model) -> Iterator[Basic]:
 
 
 def _symbols(expressions: Iterable[Basic]) -> tuple[set[str], set[str]]:
-    """Return the names within sines and cosines, and those elsewhere."""
+    """Return the names that are angles within sines and cosines, and those elsewhere.
+
+    In ``cos(k*x)`` and ``sin(x/R)``, x is no angle.
+    """
     inside: set[str] = set()
     outside: set[str] = set()
     known: set[Basic] = set()
@@ -143,7 +146,10 @@ def _symbols(expressions: Iterable[Basic]) -> tuple[set[str], set[str]]:
         if isinstance(part, se.Symbol):
             outside.add(part.name)
         elif isinstance(part, _PERIODIC):
-            inside.update(s.name for s in part.free_symbols)
+            argument = part.args[0]
+            for symbol in argument.free_symbols:
+                angle = isinstance(argument.diff(symbol), se.Number)
+                (inside if angle else outside).add(symbol.name)
         else:
             stack += [x for x in getattr(part, "args", ()) if isinstance(x, Basic)]
     return inside, outside

@@ -177,6 +177,8 @@ def test_angles_that_are_not() -> None:
     assert angles(more="Q: {th: -c*th}") == 0
     assert angles(more="constraints: {c: l*sin(th) = l*(th - 30)}") == 0
     assert angles(potential="0") == 0  # it stands nowhere
+    assert angles(potential="m*g*l*cos(th/l)") == angles(potential="m*cos(c*th + l)") == 0
+    assert angles(potential="m*g*l*cos(2*th + l)") == 1
     assert angles(potential="m*g*l*cos(th/l)", coordinates="{th: m}") == 0  # a length
 
 
