@@ -44,7 +44,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_code_destroy": (None, c_void_p),
     "lag_part_code_run": (None, c_void_p, c_int, c_void_p, ctypes.c_int64),
     "lag_part_code_size": (ctypes.c_int64, c_void_p, c_int),
-    "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_void_p),
+    "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_int, c_void_p),
     "lag_part_ldl": (c_int, c_void_p, c_int, *[c_void_p] * 4),
     "lag_part_contact_memory": (ctypes.c_size_t, c_int),
     "lag_part_contacts": (c_int, *[c_void_p] * 5),
@@ -231,15 +231,19 @@ class NativeProgram:
         return found
 
 
-def enclosures(tape: Tape, inputs: ArrayLike, high: float, order: int) -> Array:
+def enclosures(
+    tape: Tape, inputs: ArrayLike, high: float, order: int, *, narrowed: bool = False
+) -> Array:
     """Return bounds of the Taylor coefficients of a tape's outputs: (outputs, order + 1, 2).
 
-    The first input is in an interval from its value to `high`, the others are fixed.
+    The first input is in an interval from its value to `high`, the others are fixed; `narrowed` by
+    jets at its middle.
     """
     given = Arguments()
     program = given.program(assemble(tape))
     out = np.empty((len(tape.outputs), order + 1, 2))
-    check(parts.lag_part_enclose(byref(program), given.doubles(inputs), high, order, address(out)))
+    start = given.doubles(inputs)
+    check(parts.lag_part_enclose(byref(program), start, high, order, narrowed, address(out)))
     return out
 
 

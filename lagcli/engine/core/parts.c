@@ -80,9 +80,10 @@ int64_t lag_part_code_size(lag_part_code *code, int i)
     return native && native->run ? (int64_t)native->bytes : 0;
 }
 
-int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out)
+int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, int narrowed,
+                     double *out)
 {
-    return lag_enclose_program(NULL, program, inputs, high, order, out);
+    return lag_enclose_program(NULL, program, inputs, high, order, narrowed, out);
 }
 
 int lag_part_ldl(const lag_elimination *plan, int kernel, double *factors, double *product, double *work, double *x)

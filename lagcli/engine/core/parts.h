@@ -28,7 +28,8 @@ void lag_part_code_run(lag_part_code *code, int i, double *registers, int64_t ti
 /* The bytes of routine i's machine code; 0: it is interpreted. */
 int64_t lag_part_code_size(lag_part_code *code, int i);
 
-int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out);
+int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, int narrowed,
+                     double *out);
 
 /* Factor a sparse symmetric matrix and solve with it: see linear/ldl.h. Returns 0, or 1 for an order that is none. */
 int lag_part_ldl(const lag_elimination *plan, int kernel, double *factors, double *product, double *work, double *x);

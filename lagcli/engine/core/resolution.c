@@ -95,7 +95,7 @@ static void enclose(lag_run *run, double a, double b, int order, int moves)
 static void enclose_motion(lag_run *run, double a, double b)
 {
     lag_resolution *r = &run->resolution;
-    const double start = run->step.t_old, h = run->step.h_old, radius = 0.5 * (b - a), middle = a + radius;
+    const double start = run->step.t_old, h = run->step.h_old, middle = a + 0.5 * (b - a);
     const double u = fmin((a - start) / h, 1.0), v = fmin((b - start) / h, 1.0), w = fmin((middle - start) / h, 1.0);
     set_time(&r->jets, a, b);
     set_time(&r->middle, middle, middle);
@@ -104,7 +104,7 @@ static void enclose_motion(lag_run *run, double a, double b)
         lag_dense_jet(run, &r->motion, i, u, v, JET_ORDER, lag_jet_input(&r->jets, place));
         lag_dense_jet(run, &r->motion, i, w, w, JET_ORDER, lag_jet_input(&r->middle, place));
     }
-    lag_jets_run_about(&r->jets, &r->middle, radius, JET_ORDER);
+    lag_jets_run_about(&r->jets, &r->middle, fmax(b - middle, middle - a), JET_ORDER);
 }
 
 static int is_used(const lag_run *run, int i)

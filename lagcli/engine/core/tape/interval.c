@@ -780,25 +780,29 @@ void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius,
 }
 
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
-                        int order, double *out)
+                        int order, int narrowed, double *out)
 {
     lag_pool pool = lag_pool_of(memory);
     lag_tape tape = {.vectors = lag_vectors(LAG_PORTABLE),
                      .registers = lag_copy_doubles(&pool, program->registers, program->register_count),
                      .stream = {.code = program->main.code},
                      .outputs = program->outputs};
-    lag_jet_tape jets;
+    lag_jet_tape jets, middle;
     lag_jets_bind(&jets, &pool, &tape, program, 0);
+    lag_jets_bind(&middle, &pool, &tape, program, 0);
     const int failed = pool.failed;
     if (!failed) {
         memcpy(tape.registers, inputs, (size_t)program->inputs * sizeof(double));
         tape.vectors->run(program->prelude.code, tape.registers);
+        const double at = inputs[0] + 0.5 * (high - inputs[0]), radius = fmax(high - at, at - inputs[0]);
         lag_jets_refresh(&jets);
+        lag_jets_refresh(&middle);
         for (int i = 0; i < program->inputs; ++i)
-            lag_jet_input(&jets, i)[0] = POINT(inputs[i]);
+            lag_jet_input(&jets, i)[0] = lag_jet_input(&middle, i)[0] = POINT(inputs[i]);
         lag_jet_input(&jets, 0)[0].high = high;
-        lag_jet_input(&jets, 0)[1] = POINT(1.0);
-        lag_jets_run(&jets, order);
+        lag_jet_input(&middle, 0)[0] = POINT(at);
+        lag_jet_input(&jets, 0)[1] = lag_jet_input(&middle, 0)[1] = POINT(1.0);
+        run(&jets, narrowed ? &middle : NULL, radius, order);
         for (int64_t i = 0; i < program->output_count; ++i)
             for (int k = 0; k <= order; ++k, out += 2) {
                 out[0] = lag_jet_output(&jets, (int)i)[k].low;

@@ -54,7 +54,7 @@ void lag_jets_refresh(lag_jet_tape *jets);
 /* Evaluate the tape: coefficients 0 to `order` of all outputs. */
 void lag_jets_run(lag_jet_tape *jets, int order);
 
-/* The same where the inputs of `middle` are jets at the middle of the interval, whose half is `radius`. There, each
+/* The same where the inputs of `middle` are jets at the middle of the interval, whose ends are at most `radius` away. Each
  * result is narrowed to what its derivatives allow: inputs that move together do not cancel in ranges of their values,
  * but in those of their derivatives. */
 void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order);
@@ -65,9 +65,10 @@ void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius,
 void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order);
 
 /* Enclose a program of inputs with t in [low, high] and others fixed: `inputs`, low of t included. Bounds of all
- * coefficients of all outputs, order by order, to out. Returns 0, or 1 where there is no memory. */
+ * coefficients of all outputs, order by order, to out; `narrowed` as by lag_jets_run_about. Returns 0, or 1 where there
+ * is no memory. */
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
-                        int order, double *out);
+                        int order, int narrowed, double *out);
 
 /* Arithmetic, rounded outwards. */
 lag_interval lag_interval_add(lag_interval a, lag_interval b);

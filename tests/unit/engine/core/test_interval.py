@@ -55,8 +55,10 @@ def parabola(builder: Builder, a: float, b: float, c: float) -> int:
     return builder.emit(Op.ADD, linear, builder.emit(Op.MUL, one(c), builder.emit(Op.MUL, t, t)))
 
 
-def enclosed(tape: Tape, low: float, high: float, order: int = ORDER) -> np.ndarray:
-    found: np.ndarray = enclosures(tape, [low], high, order)[0]
+def enclosed(
+    tape: Tape, low: float, high: float, order: int = ORDER, *, narrowed: bool = False
+) -> np.ndarray:
+    found: np.ndarray = enclosures(tape, [low], high, order, narrowed=narrowed)[0]
     return found
 
 
@@ -77,10 +79,12 @@ def test_enclosures_of_functions_of_one_operand_contain_values_and_derivatives(o
             a, b, c = rng.uniform(lowest, highest), rng.uniform(-0.1, 0.1), rng.uniform(-0.05, 0.05)
             builder = Builder(1)
             tape = builder.finish([builder.emit(op, parabola(builder, a, b, c))])
-            wide = enclosed(tape, 0.0, 1.0)
+            wide, narrow = enclosed(tape, 0.0, 1.0), enclosed(tape, 0.0, 1.0, narrowed=True)
+            assert (narrow[:, 0] >= wide[:, 0]).all()
+            assert (narrow[:, 1] <= wide[:, 1]).all()
             for t in (0.0, rng.random(), 1.0):
                 exact = mpmath.taylor(lambda s, a=a, b=b, c=c: f(a + b * s + c * s * s), t, ORDER)
-                check(wide, exact, sharp=False)
+                check(narrow, exact, sharp=False)
                 check(enclosed(tape, t, t), exact, sharp=True)
 
 
@@ -98,11 +102,33 @@ def test_enclosures_of_functions_of_two_operands_contain_values_and_derivatives(
             def exactly(s: mpmath.mpf, x: tuple = first, y: tuple = second) -> mpmath.mpf:
                 return f(x[0] + x[1] * s + x[2] * s * s, y[0] + y[1] * s + y[2] * s * s)
 
-            wide = enclosed(tape, 0.0, 1.0)
+            wide, narrow = enclosed(tape, 0.0, 1.0), enclosed(tape, 0.0, 1.0, narrowed=True)
+            assert (narrow[:, 0] >= wide[:, 0]).all()
+            assert (narrow[:, 1] <= wide[:, 1]).all()
             for t in (0.0, rng.random(), 1.0):
                 exact = mpmath.taylor(exactly, t, ORDER)
-                check(wide, exact, sharp=False)
+                check(narrow, exact, sharp=False)
                 check(enclosed(tape, t, t), exact, sharp=True)
+
+
+@pytest.mark.parametrize("length", [0.3, 0.1, 0.03])
+def test_what_moves_together_cancels_where_it_is_narrowed(length: float) -> None:
+    """sin t − (t − t³/6) is t⁵/120, in a tanh of width 1e-3; ranges of its parts are wide."""
+    builder, one = Builder(1), Builder.constant
+    cube = builder.emit(Op.MUL, 0, builder.emit(Op.MUL, 0, 0))
+    series = builder.emit(Op.SUB, 0, builder.emit(Op.DIV, cube, one(builder, 6.0)))
+    rest = builder.emit(Op.SUB, builder.emit(Op.SIN, 0), series)
+    stiff = builder.emit(Op.TANH, builder.emit(Op.MUL, rest, one(builder, 1e3)))
+    wide, narrow = (
+        enclosed(builder.finish([stiff]), 0.0, length, narrowed=narrowed)[0]
+        for narrowed in (False, True)
+    )
+    largest = math.tanh(1e3 * length**5 / 120)
+    assert narrow[0] <= 0
+    assert largest <= narrow[1]
+    # the rest of order 4 of each part, over the width: a few times the function itself
+    assert narrow[1] - narrow[0] <= 1e3 * length**5 + 1e-9
+    assert wide[1] - wide[0] > 0.9
 
 
 @pytest.mark.parametrize("power", [2.0, 3.0, -1.0, -2.0, 0.5, 2.5, 0.0])
