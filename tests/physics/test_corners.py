@@ -252,3 +252,21 @@ simulation: {t_end: 1, samples: 2}
     expected = corner.poisson(np.array([-1.0, 0.2]))
     assert run.v[-1] == pytest.approx(expected, abs=1e-12)
     assert np.abs(expected - alone).max() > 0.1
+
+
+def test_derivatives_of_an_impact_in_which_an_opening_contact_is_pressed_again() -> None:
+    """M = [[1, c], [c, 1]], compression to v = 0: then x' = −e (b + c u) and y' = 0."""
+    text = """
+coordinates: [x, y]
+parameters: {b: -1.0, e: 0.5, u: 0.7}
+T: (x'^2 + y'^2)/2 + 0.8*x'*y'
+constraints:
+  a: {expr: x >= 0, restitution: e}
+  b: {expr: y >= 0, restitution: e}
+initial: {x: 0, y: 0, x': b, y': u}
+simulation: {t_end: 1, samples: 2}
+"""
+    run = simulate(text, sensitivity=["b", "e", "u"])
+    assert run.v[-1] == pytest.approx([0.22, 0], abs=1e-14)
+    assert run.dv[-1] == pytest.approx(np.array([[-0.5, 0.44, -0.4], [0, 0, 0]]), abs=1e-13)
+    assert run.dq[-1] == pytest.approx(run.dv[-1], abs=1e-13)
