@@ -267,6 +267,8 @@ initial: {x: 0, y: 0, x': b, y': u}
 simulation: {t_end: 1, samples: 2}
 """
     run = simulate(text, sensitivity=["b", "e", "u"])
+    assert run.dq is not None
+    assert run.dv is not None
     assert run.v[-1] == pytest.approx([0.22, 0], abs=1e-14)
     assert run.dv[-1] == pytest.approx(np.array([[-0.5, 0.44, -0.4], [0, 0, 0]]), abs=1e-13)
     assert run.dq[-1] == pytest.approx(run.dv[-1], abs=1e-13)
