@@ -320,7 +320,8 @@ int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
  */
 int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete);
 
-/* Limit steps so that they resolve functions of (t, q, v, p) that depend on t explicitly. */
+/* Limit steps so that they resolve functions of (t, q, v, p) that depend on t explicitly: the program yields their values,
+ * then for each whether it is used, and whether it depends on q or v. */
 int lag_use_explicit_time(lag_run *run, const lag_program *functions);
 
 /* End steps at these increasing times, at which the right side is not smooth. Samples there are taken after the

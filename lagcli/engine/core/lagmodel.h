@@ -31,7 +31,7 @@
 #endif
 
 #define LAG_MODEL_MAGIC 0x6c65646f6d67616c /* "lagmodel" where the lowest byte is the first */
-#define LAG_MODEL_VERSION 6
+#define LAG_MODEL_VERSION 7
 #define LAG_MODEL_LARGEST 32768 /* nq + 2 nc, and rows, at most */
 
 /* How a and lambda may be found, densely if neither in a loop nor unrolled; and what else there is. */

@@ -51,7 +51,7 @@ from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import ENERGY, System
 from lagcli.settings.methods import METHODS
 
-_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 6
+_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 7
 #: lag_model_contents.
 _PLAIN, _LOOP, _UNROLLED, _TIME, _SERIES, _JACOBIANS, _SWITCHING = (1 << i for i in range(7))
 _KINDS = ("q", "v", "p")
