@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import FileError
@@ -71,6 +72,7 @@ def _open_sweep(name: str) -> Any:
     with open_sweep(name):
         pass
     try:
-        return xarray.load_dataset(name, engine="h5netcdf", phony_dims="access")
+        with Path(name).open("rb") as file:  # as `open_verified` does
+            return xarray.load_dataset(file, engine="h5netcdf", phony_dims="access")
     except DAMAGE as error:
         raise damage(name, error) from error

@@ -14,8 +14,8 @@ from symengine import Basic
 
 from lagcli.analysis.check.derived_system import (
     IntegrablePart,
+    PathStart,
     PfaffianSystem,
-    Point,
     Vector,
     covectors,
     independent,
@@ -25,7 +25,7 @@ from lagcli.analysis.check.derived_system import (
     reduced,
     values_at,
 )
-from lagcli.analysis.check.power_series import BITS, ONE, Undefined, fixed
+from lagcli.analysis.check.power_series import BITS, ONE, NoSeries, fixed
 from lagcli.equations.derivation.integrability import FirstIntegral, first_integral
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
@@ -96,14 +96,14 @@ class _NoFactors(Exception):
 
 
 def joint_part(
-    system: PfaffianSystem, places: Sequence[Point], alone: set[int]
+    system: PfaffianSystem, places: Sequence[PathStart], alone: set[int]
 ) -> JointPart | None:
     """Return what is integrable of a system.
 
     Parameters
     ----------
     system : PfaffianSystem
-    places : sequence of Point
+    places : sequence of PathStart
         Points on the position constraints, almost all of them generic.
     alone : set of int
         Rows that are integrable by themselves.
@@ -113,11 +113,11 @@ def joint_part(
     JointPart or None
         None if no point has finite values.
     """
-    found: list[tuple[Point, IntegrablePart]] = []
+    found: list[tuple[PathStart, IntegrablePart]] = []
     for place in places:
         try:
             found.append((place, integrable_part(system, place)))
-        except Undefined:
+        except NoSeries:
             continue
     if not found:
         return None
@@ -134,7 +134,7 @@ class _Joint:
     def __init__(
         self,
         system: PfaffianSystem,
-        found: Sequence[tuple[Point, IntegrablePart]],
+        found: Sequence[tuple[PathStart, IntegrablePart]],
         rows: tuple[int, ...],
         alone: set[int],
     ):
@@ -229,7 +229,7 @@ class _Joint:
         self.present = self.variables_in(vectors)
         try:
             return FoundCombination(numbers, self.factors(support), None)
-        except (_NoFactors, Undefined):
+        except (_NoFactors, NoSeries):
             return FoundCombination(numbers, None, None)
 
     def variables_in(self, vectors: Sequence[Vector]) -> set[int]:

@@ -28,9 +28,9 @@ from symengine import Basic
 from lagcli.analysis.check.power_series import (
     BITS,
     ONE,
+    NoSeries,
     Series,
     SeriesEvaluator,
-    Undefined,
     constant,
     fixed,
     times,
@@ -46,7 +46,7 @@ Vector = list[int]
 Matrix = npt.NDArray[Any]  # of integers
 
 
-class Point(NamedTuple):
+class PathStart(NamedTuple):
     """A point at which a system is examined.
 
     Parameters
@@ -97,15 +97,17 @@ class IntegrablePart(NamedTuple):
 
 def point_at(
     system: PfaffianSystem, values: Sequence[float], parameters: Mapping[Basic, float]
-) -> Point:
+) -> PathStart:
     """Return a point on the position constraints, next to one that satisfies them in doubles.
 
     Raises
     ------
-    Undefined
+    NoSeries
         A value is not defined there, or the iteration does not converge.
     """
-    place = Point([fixed(x) for x in values], {name: fixed(x) for name, x in parameters.items()})
+    place = PathStart(
+        [fixed(x) for x in values], {name: fixed(x) for name, x in parameters.items()}
+    )
     held = [i for i, position in enumerate(system.positions) if position is not None]
     for _ in range(_NEWTON):
         evaluator = _evaluator(system, place, [[x] for x in place.values])
@@ -123,22 +125,22 @@ def point_at(
         residual = _matrix([residuals[held[i]] for i, _ in pivots])
         for j, x in zip(columns, _product(inverse(matrix), residual), strict=True):
             place.values[j] -= x
-    raise Undefined("the position constraints")
+    raise NoSeries("the position constraints")
 
 
-def values_at(system: PfaffianSystem, place: Point, expressions: Sequence[Basic]) -> Vector:
+def values_at(system: PfaffianSystem, place: PathStart, expressions: Sequence[Basic]) -> Vector:
     """Return the values of expressions at a point.
 
     Raises
     ------
-    Undefined
+    NoSeries
         One is not defined there.
     """
     evaluator = _evaluator(system, place, [[x] for x in place.values])
     return [evaluator.value(x)[0] for x in expressions]
 
 
-def covectors(system: PfaffianSystem, place: Point) -> list[Vector]:
+def covectors(system: PfaffianSystem, place: PathStart) -> list[Vector]:
     """Return the coefficients of all forms at a point."""
     evaluator = _evaluator(system, place, [[x] for x in place.values])
     return [_row(form, evaluator, len(place.values)) for form in system.forms]
@@ -151,12 +153,12 @@ def _row(form: Form, evaluator: SeriesEvaluator, count: int) -> Vector:
     return row
 
 
-def integrable_part(system: PfaffianSystem, place: Point) -> IntegrablePart:
+def integrable_part(system: PfaffianSystem, place: PathStart) -> IntegrablePart:
     """Return the integrable part of a system at a point, which is generic.
 
     Raises
     ------
-    Undefined
+    NoSeries
         A coefficient or its derivative is not defined there.
     """
     pivots = independent(covectors(system, place))
@@ -189,7 +191,7 @@ class _Path:
     """
 
     def __init__(
-        self, system: PfaffianSystem, place: Point, rows: Sequence[int], pivots: Sequence[int]
+        self, system: PfaffianSystem, place: PathStart, rows: Sequence[int], pivots: Sequence[int]
     ):
         self.system, self.place = system, place
         self.slopes: dict[Basic, list[int]] = {}  # of functions, at this point
@@ -266,7 +268,7 @@ class _Path:
 
 def _evaluator(
     system: PfaffianSystem,
-    place: Point,
+    place: PathStart,
     path: Sequence[Series],
     slopes: dict[Basic, list[int]] | None = None,
 ) -> SeriesEvaluator:

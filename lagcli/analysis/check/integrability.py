@@ -11,8 +11,8 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.analysis.check.combinations import IntegrableCombination, joint_part
-from lagcli.analysis.check.derived_system import PfaffianSystem, Point, point_at
-from lagcli.analysis.check.power_series import Undefined
+from lagcli.analysis.check.derived_system import PathStart, PfaffianSystem, point_at
+from lagcli.analysis.check.power_series import NoSeries
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -157,12 +157,12 @@ def _system(equations: Equations) -> PfaffianSystem | None:
 
 def _places(
     system: PfaffianSystem, equations: Equations, states: Sequence[ConsistentState]
-) -> list[Point]:
+) -> list[PathStart]:
     places = []
     parameters = [se.Symbol(name) for name in equations.model.parameters]
     for k, s in enumerate(state.state for state in states):
         given = dict(zip(parameters, s.p, strict=True))
-        with contextlib.suppress(Undefined):
+        with contextlib.suppress(NoSeries):
             places.append(point_at(system, [*s.q.tolist(), s.t + _LATER * k], given))
     return places
 

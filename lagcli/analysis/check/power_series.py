@@ -25,7 +25,7 @@ _PRECISION = BITS + 120
 Series = list[int]
 
 
-class Undefined(Exception):
+class NoSeries(Exception):
     """An expression has no value, no power series, or a function that is not supported."""
 
 
@@ -76,7 +76,7 @@ class SeriesEvaluator:
 
         Raises
         ------
-        Undefined
+        NoSeries
             See there.
         """
         found = self._known.get(expression)
@@ -107,7 +107,7 @@ class SeriesEvaluator:
             return self._input(expression)
         if isinstance(expression, se.Function) and len(args) == 1:
             return self._composed(expression.func(_X), args[0], expression)
-        raise Undefined(str(expression))
+        raise NoSeries(str(expression))
 
     def _input(self, expression: Basic) -> Series:
         """Return the series of a function of time, or of its derivative, with random values."""
@@ -116,7 +116,7 @@ class SeriesEvaluator:
             times_differentiated += len(expression.args) - 1
             expression = expression.args[0]
         if not _is_input(expression):
-            raise Undefined(str(expression))
+            raise NoSeries(str(expression))
         source = random.Random(str(expression.get_name()))  # reproducible
         values = [source.uniform(-1, 1) for _ in range(times_differentiated + self._order + 1)]
         return self._polynomial(
@@ -194,7 +194,7 @@ def _number(expression: Basic) -> int:
     try:
         return fixed(Fraction(str(_known_functions(expression).n(_PRECISION, real=True))))
     except (RuntimeError, ValueError, ZeroDivisionError, OverflowError):
-        raise Undefined(str(expression)) from None
+        raise NoSeries(str(expression)) from None
 
 
 def _known_functions(expression: Basic) -> Basic:
@@ -208,5 +208,5 @@ def _known_functions(expression: Basic) -> Basic:
             return se.exp(x) - 1
         if str(expression.get_name()) == "log1p":
             return se.log(1 + x)
-        raise Undefined(str(expression))
+        raise NoSeries(str(expression))
     return expression.func(*args)

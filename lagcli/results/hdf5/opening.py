@@ -69,9 +69,10 @@ def open_verified(path: str | os.PathLike[str]) -> Iterator[Opened]:
     _check_start(path)
     check_seal(path)
     try:
-        # A file under its final name is complete and does not change: no lock is needed, and some
-        # network file systems have none.
-        with h5py.File(path, "r", locking=False) as root:
+        # By Python's file object, HDF5 neither locks the file, which some network file systems do
+        # not support, nor compares it with those that the process has open in other modes. A file
+        # under its final name is complete and does not change.
+        with open(path, "rb") as file, h5py.File(file, "r") as root:
             stated = text_attribute(root, "schema_version")
             if stated != SCHEMA_VERSION:
                 raise _other_version(path, stated, text_attribute(root, "lagcli_version"))

@@ -19,6 +19,8 @@ _DIGITS = 64
 #: Length of the line, bytes.
 LENGTH = len(_MARK) + _DIGITS + 1
 _PIECE = 1 << 20
+#: Place of the flags in the superblock of HDF5, and their value while a program writes the file.
+_FLAGS, _WRITING = 11, b"\x01"
 
 #: Files whose checksum has been verified, by path and status: a plot opens its file several times.
 _verified: set[tuple[Any, ...]] = set()
@@ -61,8 +63,16 @@ def check_seal(path: str) -> None:
             file.seek(end)
             line = file.read()
             expected = _MARK + _digest(file, end) + b"\n" if line.startswith(_MARK) else None
+            file.seek(_FLAGS)
+            writing = line != expected and file.read(1) == _WRITING
     except OSError as error:
         raise read_failure(path, error) from error
+    if writing:
+        raise FileError(
+            f"cannot read {path}: a program has it open for writing, or was stopped while it wrote;"
+            " close it there, and read result files in the mode `r` of h5py, which does not change"
+            " them"
+        )
     if expected is None:
         raise FileError(
             f"cannot read {path}: the checksum at its end is missing: the file is cut short, was"

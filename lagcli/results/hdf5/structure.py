@@ -7,13 +7,12 @@ virtual datasets) is rejected, and so is an array that is larger than the file c
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5d, h5f, h5z
+from h5py import h5d, h5z
 
 from lagcli.arrays import Array
 from lagcli.columns import REQUIRED, ResultQuantity
@@ -174,7 +173,7 @@ def stored_within(dataset: h5py.Dataset, name: str) -> None:
     if layout == h5d.COMPACT:
         return
     stored = dataset.id.get_storage_size()
-    largest = os.path.getsize(h5f.get_name(dataset.id))
+    largest = dataset.file.id.get_filesize()
     room = min(stored, largest) * (_DEFLATED if h5z.FILTER_DEFLATE in filters else 1)
     if stored > largest or size > room:
         raise ValueError(
