@@ -35,7 +35,7 @@ _PERIODIC = (se.sin, se.cos, se.tan)
 #: Largest number of terms of an energy that is examined.
 _MOST = 200
 #: Names of masses, where parameters have no units.
-_MASS = re.compile(r"[mM](?:ass)?(?:_?[0-9A-Z]\w*|_\w+)?")
+_MASS = r"[mM](?:ass)?(?:_?[0-9A-Z]\w*|_\w+)?"
 
 
 class Hint(NamedTuple):
@@ -274,7 +274,7 @@ class _Energies:
             return False
         if parameter.unit is not None:
             return read_unit(parameter.unit).dimension == MASS
-        return _MASS.fullmatch(name.text.removesuffix("[]")) is not None
+        return re.fullmatch(_MASS, name.text.removesuffix("[]")) is not None
 
     def squares(self, term: _Term) -> int:
         """Return the number of squares of velocities in a term."""
