@@ -39,7 +39,7 @@ from lagcli.model.sections.definitions import (
     read_outputs,
 )
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
-from lagcli.model.sections.first_order import first_order_constraints
+from lagcli.model.sections.first_order import first_order_constraints, weights_of_constraints
 from lagcli.model.sections.initial import read_closed, read_initial
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
@@ -385,6 +385,9 @@ def _model(
 
         raise ModelError(unit_diagnostics(model, units._replace(findings=units.errors)))
     model = replace(model, units=units)
+    weights = weights_of_constraints(model)
+    if weights:
+        model = replace(model, parameters={**model.parameters, **weights})
     if not presets:
         return model
     from lagcli.model.sections.presets import read_presets

@@ -164,6 +164,8 @@ class MultiplierLimit(NamedTuple):
 
 #: Suffix of a first-order coordinate's name: the constraint that is its equation.
 RATE = ".rate"
+#: Suffix of a constraint's name: the parameter that is its weight in M while it holds.
+WEIGHT = ".weight"
 #: Suffix of a coordinate's name: its row of dry friction, a `sign` in Q or an `abs` in D.
 SIGN = ".sign"
 

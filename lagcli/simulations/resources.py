@@ -22,8 +22,8 @@ from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.tape import Arithmetic, Tape
-from lagcli.errors import NumericalError
-from lagcli.model.model import Model
+from lagcli.errors import NumericalError, UsageError
+from lagcli.model.model import WEIGHT, Model
 from lagcli.model.values import dependent_values, independent_parameters
 from lagcli.simulations.directions import start_tape
 from lagcli.simulations.simulation import Simulation
@@ -55,7 +55,19 @@ def settable_parameters(model: Model) -> list[str]:
     clocks = [event.clock for event in model.events if event.clock is not None]
     timed = {x.name for clock in clocks for x in (clock.period + clock.offset).free_symbols}
     timed |= {x.name for name in timed & dependent.keys() for x in dependent[name].free_symbols}
-    return [name for name in names if name not in timed]
+    return [name for name in names if name not in timed and not name.endswith(WEIGHT)]
+
+
+def _check_engagements(model: Model) -> None:
+    """Refuse events that may let the velocity of a coordinate without inertia jump."""
+    for event in model.events:
+        for name in event.action.engage:
+            if name + WEIGHT in model.parameters:
+                raise UsageError(
+                    f"the event `{event.name}` engages `{name}` on a coordinate without inertia,"
+                    " whose velocity may jump; only simulate and sweep support this: give the"
+                    " coordinate a mass"
+                )
 
 
 def method_of(simulation: Simulation) -> str:
@@ -92,6 +104,7 @@ def resources(
         Parameters that may change during a run.
     """
     model, system = simulation.model, simulation.system
+    _check_engagements(model)
     settable = settable_parameters(model)
     places = {name: i for i, name in enumerate(system.parameters)}
     fixed = [

@@ -55,6 +55,7 @@ from lagcli.engine.switching.switching import (
 from lagcli.engine.system import ENERGY, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.ticks import Ticks, ticks_of
+from lagcli.model.model import WEIGHT
 
 #: Capacity of the core's log.
 _LOG_ROWS = 512
@@ -247,6 +248,16 @@ class SwitchingIntegration(Integration):
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
+        try:
+            return self.handled(status)
+        except Undefined:
+            cause = self.actions.undetermined(self.core.t)
+            if not cause:
+                raise
+            raise Stop(cause) from None
+
+    def handled(self, status: int) -> bool:
+        """Handle a status of the core, as `handle_status`."""
         core = self.core
         if status == Status.BLOCK_FULL and not core.begun:  # in the midst of the first instant
             self.collect()
@@ -468,6 +479,8 @@ class Actions:
         self.fixed = np.zeros((2, self.nq), dtype=bool)
         self.rows = HeldRows((), (), {})
         self.notes: dict[str, str] = {}
+        #: Time and name of the last event that releases constraints, and these.
+        self.released: tuple[float, str, tuple[int, ...]] = (-math.inf, "", ())
 
     # made when needed: events may never happen
 
@@ -537,14 +550,33 @@ class Actions:
             core.place(after)
         entries = [self._entry("event", number, y, after, work, supplied, impulse)]
         rows = [row.row for row in self.switching.rows]
+        if rule.release:
+            self.released = core.t, rule.name, rule.release
         for constraint in rule.release:
             self.activate(rows.index(constraint), False)
             entries.append(self._entry("releases", constraint, after, after))
         for constraint in rule.engage:
             self._check_gap(constraint, after)
+            self._check_jump(rule.name, constraint, after)
             self.activate(rows.index(constraint), True)
             entries.append(self._entry("engages", constraint, after, after))
         return entries
+
+    def undetermined(self, t: float) -> str:
+        """Return which event has released a constraint that a massless coordinate needs, if any."""
+        (time, event, released), system = self.released, self.system
+        pairs = system.jacobian_pattern
+        massless = {j for i, j in pairs if i in released and (j, j) not in system.mass_pattern}
+        if t != time or not massless:
+            return ""
+        constraints = " and ".join(f"`{system.constraints[i]}`" for i in released)
+        names = ", ".join(f"`{system.coordinates[j]}`" for j in sorted(massless))
+        has, it = ("has", "it") if len(massless) == 1 else ("have", "them")
+        return (
+            f"event `{event}` releases {constraints} at t = {t:.9g} s, and no other constraint"
+            f" holds that determines the accelerations: {names} {has} no inertia; engage one, or"
+            f" give {it} a mass"
+        )
 
     def activate(self, row: int, active: bool) -> None:
         """Release or engage a row."""
@@ -694,6 +726,20 @@ class Actions:
         out = self._constraint((self.core.t, *y[:-1].tolist(), *self.p))
         gap, name = out[system.holonomic.index(constraint)], system.constraints[constraint]
         check_engagement(self.core.t, name, gap, rows[k], self.core.no_gap(k))
+
+    def _check_jump(self, event: str, constraint: int, y: Array) -> None:
+        """Refuse to let velocities jump onto a constraint whose weight is in M."""
+        name = self.system.constraints[constraint]
+        if name + WEIGHT not in self.system.parameters:
+            return
+        c = self.evaluator.constraints(self.core.t, *self._split(y))
+        speed = c.velocity(self._split(y)[1])[constraint]
+        if abs(speed) > np.abs(c.jacobian[constraint]) @ self.accuracy:
+            raise Stop(
+                f"event `{event}` engages `{name}` at t = {self.core.t:.9g} s, where its velocity"
+                f" is {speed:.3g} instead of 0: the velocity of a coordinate without inertia would"
+                " jump; engage it where it holds, or give the coordinate a mass"
+            )
 
 
 class RecordedInstants:

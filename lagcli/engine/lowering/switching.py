@@ -12,7 +12,7 @@ from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.switching.switching import EventRule, SwitchedRow, Switching, TimeIn
 from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
-from lagcli.model.model import TIME, Constraint, ModelEvent, multiplier
+from lagcli.model.model import TIME, WEIGHT, Constraint, ModelEvent, multiplier
 from lagcli.model.sections.contacts import abs_multiplier
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ class _Lowering:
                 timed = forces.isdisjoint(event.condition.free_symbols)
                 number = next(states if timed else others)
             rules.append(self.rule(event, number, len(actions)))
-            actions += map(self.signed, event.action.set.values())
+            actions += map(self.signed, self.values_set(event).values())
             actions += map(self.signed, event.action.impulse.values())
         # the roots of an input are not known in advance
         times = tuple(
@@ -205,7 +205,7 @@ class _Lowering:
             if event.change is None
             else (self.numbers[event.change[0]], event.change[1]),
             times=event.times,
-            targets=tuple(map(self.target, action.set)),
+            targets=tuple(map(self.target, self.values_set(event))),
             first=first,
             impulses=tuple(self.coordinates[name] for name in action.impulse),
             release=tuple(self.numbers[name] for name in action.release),
@@ -214,6 +214,16 @@ class _Lowering:
             record=action.record,
             clock=None if event.clock is None else clocked.index(event.name),
         )
+
+    def values_set(self, event: ModelEvent) -> dict[str, Basic]:
+        """Return what an event sets: as given, and the weights of constraints that it changes."""
+        values, action = dict(event.action.set), event.action
+        for names, holds in ((action.release, False), (action.engage, True)):
+            for name in names:
+                weight = self.model.parameters.get(name + WEIGHT)
+                if weight is not None and weight.high is not None:
+                    values[weight.name] = se.RealDouble(weight.high if holds else 0.0)
+        return values
 
     def target(self, name: str) -> tuple[Literal["q", "v", "p"], int]:
         if name in self.coordinates:

@@ -9,8 +9,9 @@ from typing import Any
 
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.switching.signs import SignedLaws, with_signs
-from lagcli.engine.system import JacobianTapes, System
-from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.engine.system import JacobianTapes, Pattern, System
+from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
+from lagcli.model.model import WEIGHT
 
 
 class SplitSystem:
@@ -39,6 +40,12 @@ class SplitSystem:
         self.rows = (*switched, *sorted(limiting.difference(switched)))
         left = set(range(len(system.constraints))).difference(self.rows)
         self.base = tuple(sorted(left))
+        #: The parameters that are weights of rows: `lagcli.model.sections.first_order`.
+        self.weights = {
+            row: system.parameters.index(name)
+            for row in self.rows
+            if (name := system.constraints[row] + WEIGHT) in system.parameters
+        }
         self._programs: dict[int, tuple[Tape, Program]] = {}
 
     @cached_property
@@ -57,6 +64,7 @@ class SplitSystem:
         }
         if len(base) == len(system.constraints):
             return replace(system, **left_out)
+        pattern, dynamics = self._dynamics(base)
         number = {constraint: i for i, constraint in enumerate(base)}
         holonomic = [k for k in system.holonomic if k in number]
         variation = system.variation
@@ -68,7 +76,8 @@ class SplitSystem:
             jacobian_pattern=tuple(
                 (number[i], j) for i, j in system.jacobian_pattern if i in number
             ),
-            dynamics=self._dynamics(base),
+            mass_pattern=pattern,
+            dynamics=dynamics,
             constraint=self._constraint(base, holonomic),
             nonlinear=tuple(number[k] for k in system.nonlinear if k in number),
             variation=None if variation is None else lambda: self._variation(variation()),
@@ -125,15 +134,40 @@ class SplitSystem:
     def _entries(self, constraints: Sequence[int]) -> list[int]:
         return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in constraints]
 
-    def _dynamics(self, base: Sequence[int]) -> Tape:
-        layout, given = self.system.dynamics_layout, self.system.dynamics
+    def _dynamics(self, base: Sequence[int]) -> tuple[Pattern, Tape]:
+        """Return the places of M and the tape of M, f, B, γ and the power, without the rows."""
+        system = self.system
+        layout, given = system.dynamics_layout, system.dynamics
         outputs = [
             *range(layout.forcing.stop),
             *_places(layout.jacobian, self._entries(base)),
             *_places(layout.rhs, base),
             layout.power.start,
         ]
-        return given.selected(outputs)
+        if not self.weights:
+            return system.mass_pattern, given.selected(outputs)
+        builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
+        found = builder.splice(given, range(given.inputs))
+        mass = dict(zip(system.mass_pattern, found[layout.mass_matrix], strict=True))
+        forcing = found[layout.forcing]
+        for row, parameter in self.weights.items():
+            weight = 1 + 2 * len(system.coordinates) + parameter
+            entries = [
+                (j, found[layout.jacobian.start + n])
+                for n, (i, j) in enumerate(system.jacobian_pattern)
+                if i == row
+            ]
+            rhs = found[layout.rhs.start + row]
+            for i, b in entries:
+                weighted = builder.times(weight, b)
+                forcing[i] = builder.plus(forcing[i], builder.times(weighted, rhs))
+                for j, other in entries:
+                    own = mass.get((i, j), builder.zero)
+                    mass[i, j] = builder.plus(own, builder.times(weighted, other))
+        pattern = tuple(sorted(mass))
+        rest = [found[n] for n in outputs[layout.forcing.stop :]]
+        tape = builder.finish([*(mass[place] for place in pattern), *forcing, *rest])
+        return pattern, tape
 
     def _constraint(self, base: Sequence[int], holonomic: Sequence[int]) -> Tape:
         layout = self.system.constraint_layout

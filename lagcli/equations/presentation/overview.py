@@ -23,6 +23,7 @@ from lagcli.equations.presentation.switching import (
 from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
 from lagcli.equations.typesetting.notation import SUPERSCRIPTS, unit_text
 from lagcli.model.expression.units import plain_notation, si_notation
+from lagcli.model.model import WEIGHT
 from lagcli.model.result_units import given_units
 from lagcli.prose import counted
 
@@ -210,6 +211,8 @@ def parameters_step(f: Formulas) -> Step | None:
     lines = []
     given = {} if f.values else given_units(f.model)
     for p in f.model.parameters.values():
+        if p.name.endswith(WEIGHT):
+            continue
         unit = p.unit or f.model.units.of(p.name)  # the second follows, of expressions
         si = quantity(p.value, si_notation(unit) if unit else None)
         sides = [Symbol(p.name), si]

@@ -30,7 +30,18 @@ from symengine import Basic
 
 from lagcli.model.expression.algebra import is_zero, kinked_in, nonlinear_in
 from lagcli.model.expression.constants import number
-from lagcli.model.model import RATE, Constraint, Coordinate, Kind, coordinate, velocity
+from lagcli.model.model import (
+    RATE,
+    TIME,
+    WEIGHT,
+    Constraint,
+    Coordinate,
+    Kind,
+    Model,
+    Parameter,
+    coordinate,
+    velocity,
+)
 from lagcli.model.names.draft import Draft
 
 _ZERO = se.Integer(0)
@@ -109,6 +120,48 @@ def _with_inertia(lagrangian: Basic, velocities: Mapping[Basic, Coordinate]) -> 
                 continue
         found |= present
     return found
+
+
+def weights_of_constraints(model: Model) -> dict[str, Parameter]:
+    """Return the weights of the constraints that events change and massless coordinates need.
+
+    While such a constraint holds, M + w bᵀb and f + w bᵀγ have the same solutions as M and f, and
+    M + w bᵀb is regular where M is not without the constraint. The weight is w, the largest of the
+    masses, or 0 while the constraint does not hold.
+    """
+    changed = {name for e in model.events for name in (*e.action.release, *e.action.engage)}
+    if not changed:
+        return {}
+    kinetic = -model.potential if model.kinetic is None else model.kinetic
+    velocities = {velocity(c.name): c for c in model.coordinates}
+    inertial = _with_inertia(kinetic, velocities)
+    without = {
+        x for v, c in velocities.items() if v not in inertial for x in (v, coordinate(c.name))
+    }
+    weights: dict[str, Parameter] = {}
+    for c in model.constraints:
+        plain = not c.sign and c.limit is None
+        if c.name in changed and plain and not without.isdisjoint(c.expression.free_symbols):
+            name = c.name + WEIGHT
+            w = _largest_inertia(model, kinetic, inertial)
+            weights[name] = Parameter(name, w if c.active else 0.0, high=w)
+    return weights
+
+
+def _largest_inertia(model: Model, kinetic: Basic, inertial: Iterable[Basic]) -> float:
+    """Return the largest ∂²L/∂v² at the initial values; 1 if there is none."""
+    at = {se.Symbol(name): se.RealDouble(x) for name, x in model.parameter_values.items()}
+    at |= {coordinate(q): se.RealDouble(x.value) for q, x in model.initial_positions.items()}
+    at |= {velocity(q): se.RealDouble(x.value) for q, x in model.initial_velocities.items()}
+    at[TIME] = se.RealDouble(model.settings.t_start or 0.0)
+    slope, largest = model.names.slope, 0.0
+    for v in inertial:
+        try:
+            mass = abs(number(slope(slope(kinetic, v), v).xreplace(at)))
+        except (ValueError, RuntimeError):
+            continue
+        largest = max(largest, mass)
+    return largest or 1.0
 
 
 class _FirstOrder:
