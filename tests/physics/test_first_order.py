@@ -302,7 +302,7 @@ initial:
     found = {x.kind: x for x in checked.conserved.quantities}
     assert set(found) == {"momentum", "jacobi"}
     assert sum(x.kind == "momentum" for x in checked.conserved.quantities) >= 3
-    assert checked.velocity_constraints == {}
+    assert checked.integrability.constraints == {}
     assert checked.rank.not_unique == ()
 
 

@@ -23,7 +23,7 @@ from lagcli.equations.derivation.integrability import (
     has_branches,
     integrable,
 )
-from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
@@ -94,9 +94,9 @@ def check_integrability(
         States besides the initial one, at which the constraints are tested together.
     """
     rows: dict[str, VelocityConstraint] = {}
-    for c in equations.constraints:
-        if c.constraint.of_coordinate:
-            continue
+    # the equations of first-order coordinates are no constraints on them
+    constraints = tuple(c for c in equations.constraints if not c.constraint.of_coordinate)
+    for c in constraints:
         if c.constraint.kind != "nonholonomic":
             continue
         alone = integrable(c, equations)
@@ -106,11 +106,11 @@ def check_integrability(
         kind: Integrable = "not tested" if alone is None else "alone" if alone else "no"
         rows[c.constraint.name] = VelocityConstraint(kind, integral, value)
     left = [name for name, x in rows.items() if x.integrable != "alone"]
-    linear = all(c.constraint.kind != "nonlinear" for c in equations.constraints)
+    linear = all(c.constraint.kind != "nonlinear" for c in constraints)
     if not left:
         return Integrability(rows, (), 0 if linear else None)
-    names = [c.constraint.name for c in equations.constraints]
-    system = _system(equations) if linear else None
+    names = [c.constraint.name for c in constraints]
+    system = _system(equations, constraints) if linear else None
     part = None
     if system is not None:
         closed = {i for i, name in enumerate(names) if name in rows and name not in left}
@@ -133,9 +133,10 @@ def check_integrability(
     return Integrability(rows, tuple(combinations), part.nonintegrable)
 
 
-def _system(equations: Equations) -> PfaffianSystem | None:
-    """Return the constraints as forms; None if they have branches, or are too many."""
-    constraints = equations.constraints
+def _system(
+    equations: Equations, constraints: tuple[ConstraintEquation, ...]
+) -> PfaffianSystem | None:
+    """Return constraints as forms; None if they have branches, or are too many."""
     if any(has_branches(c, equations) for c in constraints if c.position is None):
         return None
     variables, last = (*equations.q, TIME), len(equations.q)
