@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import symengine as se
 
+from lagcli.analysis.fit.assemblies import Assemblies
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState, NoConsistentState, NoStart
 from lagcli.engine.contract import Block, IntegrationRequest
@@ -157,6 +158,10 @@ def _column(table: CsvTable, model: Model, x: ObservedQuantity) -> tuple[int, Fa
     return number, factor
 
 
+#: The initial states of all experiments.
+Assembly = tuple[ConsistentState, ...]
+
+
 class Evaluation(NamedTuple):
     """Residuals of all measured values, by experiment, time and observed quantity.
 
@@ -166,10 +171,13 @@ class Evaluation(NamedTuple):
         (model − data) / sigma; sigma is 1 if it is to be estimated.
     jacobian : (n, k) array
         Derivatives with respect to the fitted quantities.
+    assembly : tuple of ConsistentState
+        The initial states of the experiments.
     """
 
     residuals: Array
     jacobian: Array
+    assembly: Assembly
 
 
 class FailedRun(Exception):
@@ -222,7 +230,7 @@ class Experiment:
         self.directions = self.sensitivity.directions
         self.values, self.slopes = lower_observed(equations, expressions, self.directions.rates)
         self.measured = np.isfinite(data.values)
-        self._near: ConsistentState | None = None  # initial state of the last run
+        self.assemblies = Assemblies(self.sensitivity)
         self.sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, 1.0)
 
     @property
@@ -230,33 +238,70 @@ class Experiment:
         """The number of measured values."""
         return int(self.measured.sum())
 
-    def __call__(self, values: Sequence[float]) -> Evaluation:
+    def __call__(self, values: Sequence[float], near: ConsistentState | None = None) -> Evaluation:
         """Return the residuals for values of the fitted quantities.
+
+        Parameters
+        ----------
+        values : sequence of k float
+        near : ConsistentState, optional
+            Initial state for similar values, whose assembly the run has. By default, that of the
+            model's guesses.
 
         Raises
         ------
         FailedRun
         """
-        model, slopes = self.simulate(values)
+        blocks, start, _ = self._run(values, self.data.times, near)
+        model, slopes = self._observe(blocks, start.state.p, len(self.data.times))
         residuals = (model - self.data.values) / self.sigmas
         jacobian = slopes / self.sigmas[:, None]
-        evaluation = Evaluation(residuals[self.measured], jacobian[self.measured])
+        own = residuals[self.measured], jacobian[self.measured]
+        evaluation = Evaluation(*own, (start,))
         if not (np.isfinite(evaluation.residuals).all() and np.isfinite(evaluation.jacobian).all()):
             raise FailedRun("an observed quantity has no finite value, or no derivative")
         return evaluation
 
-    def simulate(self, values: Sequence[float], times: Array | None = None) -> tuple[Array, Array]:
-        """Return the observed quantities (n, m) and derivatives (n, m, k).
+    def simulate(
+        self,
+        values: Sequence[float],
+        near: ConsistentState | None = None,
+        times: Array | None = None,
+    ) -> Array:
+        """Return the observed quantities (n, m).
 
-        They are those at the times of the data, or at others between the start and the last.
-
-        Raises
-        ------
-        FailedRun
+        They are those at the times of the data, or at others between the start and the last. The
+        other parameters and the errors are those of a call.
         """
         times = self.data.times if times is None else times
-        blocks, p, _ = self._run(values, times)
-        return self._observe(blocks, p, len(times))
+        blocks, start, _ = self._run(values, times, near)
+        return self._observe(blocks, start.state.p, len(times))[0]
+
+    def others(self, values: Sequence[float], own: ConsistentState) -> list[ConsistentState]:
+        """Return other assemblies for the same values."""
+        given = self.directions.state(self.settings.t_start, values)
+        return self.assemblies.others(given, own)
+
+    def guesses(self, start: ConsistentState) -> dict[str, float]:
+        """Return the guesses of coordinates with which a run begins at a state."""
+        free = self.assemblies.free
+        pairs = zip(self.system.coordinates, start.state.q.tolist(), free, strict=True)
+        return {name: x for name, x, is_free in pairs if is_free}
+
+    def leads_to(
+        self, start: ConsistentState, values: Sequence[float], guesses: Mapping[str, float]
+    ) -> bool:
+        """Return whether a run with other guesses begins with an assembly."""
+        given = self.directions.state(self.settings.t_start, values)
+        q = given.q.copy()
+        for i, name in enumerate(self.system.coordinates):
+            if self.assemblies.free[i]:
+                q[i] = guesses.get(name, q[i])
+        try:
+            found = self.sensitivity.consistent(given._replace(q=q))
+        except NoStart:
+            return False
+        return self.assemblies.same(found, start)
 
     def steps(self, values: Sequence[float]) -> int:
         """Return the number of steps of a run.
@@ -268,11 +313,11 @@ class Experiment:
         return self._run(values, self.data.times)[2]
 
     def _run(
-        self, values: Sequence[float], times: Array
-    ) -> tuple[list[tuple[Block, Derivatives]], tuple[float, ...], int]:
+        self, values: Sequence[float], times: Array, near: ConsistentState | None = None
+    ) -> tuple[list[tuple[Block, Derivatives]], ConsistentState, int]:
         given = self.directions.state(self.settings.t_start, values)
         try:
-            start = self.sensitivity.consistent(given, self._near)
+            start = self.sensitivity.consistent(given, near)
             slopes = self.sensitivity.start(start, values)
         except NoConsistentState as error:
             names = ", ".join(x.constraint for x in error.violations)
@@ -295,8 +340,7 @@ class Experiment:
             raise FailedRun(str(error)) from None
         if run.status != "completed":
             raise FailedRun(run.message)
-        self._near = start
-        return blocks, state.p, run.steps
+        return blocks, start, run.steps
 
     def _observe(
         self, blocks: list[tuple[Block, Derivatives]], p: tuple[float, ...], n: int

@@ -177,6 +177,8 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
             freedom=content["degrees_of_freedom"],
             converged=content["status"] == "completed",
             failures=content["failed_runs"],
+            guesses=content["guesses"],
+            apart=tuple(content["apart"]),
             inputs=read_inputs(root),
             **fields,
         )
@@ -221,7 +223,9 @@ def check_written(path: str, force: bool) -> None:
 
 
 def write_model(model: Model, result: FitResult, path: str | os.PathLike[str], force: bool) -> None:
-    """Write a model file with the fitted values; comments and layout are preserved.
+    """Write a model file with the fitted values, and with guesses that lead to the assembly found.
+
+    Comments and layout are preserved.
 
     Parameters
     ----------
@@ -244,6 +248,8 @@ def write_model(model: Model, result: FitResult, path: str | os.PathLike[str], f
     initial = {name: str(x) for name, x in model.set_initial.items()}
     for name, value in zip(result.names, result.values.tolist(), strict=True):
         (values if name in model.parameters else initial)[name] = _text(model, name, value)
+    for name, value in result.guesses.items():
+        initial[name] = f"{{guess: {_text(model, name, value)}}}"
     text = rewrite(model.text, model.path, values, initial)
     write_file(os.fspath(path), text.encode(), force)
 

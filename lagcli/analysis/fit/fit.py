@@ -22,6 +22,7 @@ from lagcli.analysis.fit.search import Problem, SearchResult
 from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty
 from lagcli.arrays import Array
 from lagcli.columns import unit_quotient
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
@@ -37,6 +38,10 @@ from lagcli.simulations.threads import one_thread
 _STEPS = (100, 20_000)
 #: Number of times of the fitted curve, if the data have fewer.
 _DRAWN = 501
+#: Times that the best search is continued if it ended before it converged.
+_AGAIN = 3
+#: Part of chi-square by which another assembly fits better, beyond the searches' accuracy.
+_BETTER = 1e-6
 #: Distance from a bound, relative to its size, below which a value may lie on it, and the largest
 #: rise of chi-square from there to the bound: a hundredth of a standard error.
 _ON_BOUND, _RISE = 1e-6, 1e-4
@@ -63,7 +68,9 @@ def fit(
     settings : SettingsOverrides, optional
         Settings of the runs; the times are those of the data.
     starts : int
-        Number of searches; all but the first start at points between the bounds.
+        Number of starting points; all but the first lie between the bounds. From each, there is a
+        search in the assembly of the model's guesses and, with several starting points, in another
+        assembly, if the constraints have one.
     ci : "wald" or "profile"
         Confidence intervals from standard errors, or from the profiles of the sum of squares.
     level : float
@@ -102,12 +109,15 @@ def fit(
     with one_thread():
         problem, estimated = prepared(model, settings)
         first = np.array(problem.experiments[0].directions.values)
-        results = []
-        for start in problem.starts(first, starts):
-            results.append(problem.search(start))
+        results = list[SearchResult]()
+        for done, start in enumerate(problem.starts(first, starts), 1):
+            results += problem.searches(start) if starts > 1 else [problem.search(start)]
             if progress is not None:
-                progress(len(results), starts)
+                progress(done, starts)
         best = _best(results, problem)
+        while (other := _in_another_assembly(best, problem)) is not None:
+            results.append(other)
+            best = other
         return _result(model, block, problem, best, results, estimated, ci, level, began)
 
 
@@ -200,7 +210,44 @@ def _best(results: list[SearchResult], problem: Problem) -> SearchResult:
             f"no fit: every search failed at its first run: {reasons}; begin with values for which"
             " the model runs, or give --starts 20"
         )
-    return min(ended, key=lambda x: (not x.converged, x.cost))
+    least = min(ended, key=lambda x: x.cost)
+    for _ in range(_AGAIN):
+        if least.converged:
+            return least
+        assert least.evaluation is not None
+        least = problem.search(least.values, near=least.evaluation.assembly)
+    return min([*ended, least], key=lambda x: (not x.converged, x.cost))
+
+
+def _in_another_assembly(best: SearchResult, problem: Problem) -> SearchResult | None:
+    """Return the result of a search in another assembly if it fits better."""
+    assert best.evaluation is not None
+    for assembly in problem.others(best.values, best.evaluation.assembly):
+        found = problem.search(best.values, near=assembly)
+        if found.converged and found.cost < (1 - _BETTER) * best.cost:
+            return found
+    return None
+
+
+def _reproduced(
+    best: SearchResult, problem: Problem
+) -> tuple[SearchResult, dict[str, float], tuple[str, ...]]:
+    """Return the result of runs that begin at guesses, these, and the data that need others.
+
+    The search has followed an assembly from run to run, to which the model's guesses need not lead.
+    """
+    assert best.evaluation is not None
+    own, values = best.evaluation.assembly, best.values.tolist()
+    pairs = list(zip(problem.experiments, own, strict=True))
+    guesses: dict[str, float] = {}
+    if not all(x.leads_to(state, values, guesses) for x, state in pairs):
+        guesses = problem.experiments[0].guesses(own[0])
+    apart = tuple(x.data.path for x, state in pairs if not x.leads_to(state, values, guesses))
+    evaluation = problem.evaluate(best.values, own if guesses else None)
+    if evaluation is None:
+        return best, guesses, apart
+    cost = 0.5 * float(evaluation.residuals @ evaluation.residuals)
+    return best._replace(cost=cost, evaluation=evaluation), guesses, apart
 
 
 def _result(
@@ -217,7 +264,7 @@ def _result(
     shown = problem.experiments[0]
     names = shown.directions.names
     active = _active(best, problem, estimated)
-    best = _at_bounds(best, active, problem)
+    best, guesses, apart = _reproduced(_at_bounds(best, active, problem), problem)
     evaluation = best.evaluation
     assert evaluation is not None
     free = np.array([not bound for bound in active])
@@ -228,14 +275,19 @@ def _result(
     if ci == "profile":
         for i in np.flatnonzero(np.isfinite(errors)):
             rise = (half * sure.sigma) ** 2
-            low[i], high[i] = profile_interval(problem, best.values, int(i), errors[i], rise)
+            low[i], high[i] = profile_interval(
+                problem, best.values, evaluation.assembly, int(i), errors[i], rise
+            )
     square = 2 * best.cost / sure.sigma**2 if sure.sigma else 0.0
     probability = math.nan
     if not estimated and sure.freedom > 0:
         from scipy.stats import chi2
 
         probability = float(chi2.sf(square, sure.freedom))
-    data = tuple(_fitted(x, best.values, sure.sigma) for x in problem.experiments)
+    data = tuple(
+        _fitted(x, best.values, state, sure.sigma)
+        for x, state in zip(problem.experiments, evaluation.assembly, strict=True)
+    )
     return FitResult(
         model_name=model.name,
         model=model.text,
@@ -267,6 +319,8 @@ def _result(
         costs=np.array([2 * x.cost for x in results]),
         runs=problem.runs,
         failures=dict(problem.failures),
+        guesses=guesses,
+        apart=apart,
         observed=tuple(x.name for x in block.observed),
         data=data,
         parameters=dict(
@@ -280,7 +334,7 @@ def _result(
 def _active(best: SearchResult, problem: Problem, estimated: bool) -> tuple[str, ...]:
     """Return the bounds on which values lie: near them and, within the data's errors, on them."""
     assert best.evaluation is not None
-    values, (residuals, jacobian) = best.values, best.evaluation
+    values, (residuals, jacobian, _) = best.values, best.evaluation
     near = _ON_BOUND * np.maximum(np.abs(values), problem.scales)
     freedom = len(residuals) - len(values)
     variance = 2 * best.cost / freedom if estimated and freedom > 0 else 1.0
@@ -308,21 +362,24 @@ def _at_bounds(best: SearchResult, active: tuple[str, ...], problem: Problem) ->
     values = np.array([limits[bound][i] for i, bound in enumerate(active)])
     if (values == best.values).all():
         return best
-    evaluation = problem.evaluate(values)
+    assert best.evaluation is not None
+    evaluation = problem.evaluate(values, best.evaluation.assembly)
     if evaluation is None:
         return best
     cost = 0.5 * float(evaluation.residuals @ evaluation.residuals)
     return best._replace(values=values, cost=cost, evaluation=evaluation)
 
 
-def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:
-    model, _ = experiment.simulate(values.tolist())
+def _fitted(
+    experiment: Experiment, values: Array, near: ConsistentState, sigma: float
+) -> FittedData:
+    model = experiment.simulate(values.tolist(), near)
     data = experiment.data
     sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, sigma)
     times, curve = data.times, model
     if len(times) < _DRAWN:
         times = np.linspace(times[0], times[-1], _DRAWN)
-        curve, _ = experiment.simulate(values.tolist(), times)
+        curve = experiment.simulate(values.tolist(), near, times)
     return FittedData(data.path, data.times, data.values, model, sigmas, times, curve)
 
 

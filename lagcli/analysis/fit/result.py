@@ -111,6 +111,11 @@ class FitResult:
         Evaluations of all experiments.
     failures : mapping of str to int
         Number of failed evaluations by reason.
+    guesses : mapping of str to float
+        Guesses of coordinates, in SI, that lead to the assembly found; empty if those of the model
+        do.
+    apart : tuple of str
+        Data files with another assembly than the guesses lead to.
     observed : tuple of m str
     data : tuple of FittedData
     parameters : mapping of str to float
@@ -150,6 +155,8 @@ class FitResult:
     costs: Array
     runs: int
     failures: Mapping[str, int]
+    guesses: Mapping[str, float]
+    apart: tuple[str, ...]
     observed: tuple[str, ...]
     data: tuple[FittedData, ...]
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -185,6 +192,12 @@ class FitResult:
             warnings.append(
                 f"the model does not fit: chi-square {self.chi_square:.4g} for {self.freedom}"
                 " degrees of freedom; the model is wrong, or sigma too small"
+            )
+        if self.apart:
+            warnings.append(
+                f"the guesses lead to other assemblies than those fitted to"
+                f" {', '.join(self.apart)}: give each of the data its own,"
+                " `initial: {x: '{guess: 1}'}`"
             )
         if not self.converged:
             warnings.append(f"the search did not converge: {self.message}")
@@ -228,6 +241,8 @@ class FitResult:
             ],
             "runs": self.runs,
             "failed_runs": dict(self.failures),
+            "guesses": dict(self.guesses),
+            "apart": list(self.apart),
             "data": [
                 {
                     "file": x.path,
@@ -286,6 +301,8 @@ def format_fit(result: FitResult) -> str:
         sizes = {name: _rms(data.residuals[:, j]) for j, name in enumerate(result.observed)}
         parts = [f"{name} {x:.3g} sigma" for name, x in sizes.items() if not math.isnan(x)]
         lines += _entry("residuals", f"{data.path}: rms {', '.join(parts)}")
+    if result.guesses:
+        lines += _entry("assembly", _assembly(result))
     if len(result.costs) > 1:
         agreeing = result.agreeing_starts
         lines += _entry("starts", f"{agreeing} of {len(result.costs)} end at these values")
@@ -294,6 +311,12 @@ def format_fit(result: FitResult) -> str:
     for reason, count in sorted(result.failures.items(), key=lambda x: -x[1])[:3]:
         lines += _entry("", f"{count}: {reason}")
     return "\n".join(lines)
+
+
+def _assembly(result: FitResult) -> str:
+    """Return which guesses lead to an assembly that is not that of the model's guesses."""
+    guesses = ", ".join(f"{name} {x:.6g}" for name, x in result.guesses.items())
+    return f"not that of the model's guesses: begin at {guesses}"
 
 
 def fitted_table(result: FitResult) -> ResultTable:
@@ -358,6 +381,8 @@ def fit_sections(result: FitResult) -> list[ResultSection]:
     if len(result.costs) > 1:
         agreeing = f"{result.agreeing_starts} of {len(result.costs)} end at these values"
         facts.append(("Starts", agreeing))
+    if result.guesses:
+        facts.append(("Assembly", _assembly(result)))
     facts = [x for x in facts if x[1]]
     columns = [
         ResultColumn("", [label for label, _ in facts]),

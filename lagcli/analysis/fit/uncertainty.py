@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.analysis.fit.experiment import Assembly
 from lagcli.analysis.fit.search import Problem
 from lagcli.arrays import Array, Flags
 
@@ -183,7 +184,7 @@ def quantile(level: float, freedom: int, estimated: bool) -> float:
 
 
 def profile_interval(
-    problem: Problem, values: Array, place: int, error: float, rise: float
+    problem: Problem, values: Array, near: Assembly, place: int, error: float, rise: float
 ) -> tuple[float, float]:
     """Return the profile-likelihood interval of one quantity.
 
@@ -192,6 +193,8 @@ def profile_interval(
     problem : Problem
     values : (k,) array
         Values at the minimum.
+    near : tuple of ConsistentState
+        The initial states there.
     place : int
         Index of the quantity.
     error : float
@@ -205,27 +208,31 @@ def profile_interval(
         A bound if the sum of squares rises less up to it; NaN if it does not rise enough within 34
         standard errors, or a run fails.
     """
-    low, high = (_profile_end(problem, values, place, x, rise) for x in (-error, error))
+    low, high = (_profile_end(problem, values, near, place, x, rise) for x in (-error, error))
     return low, high
 
 
-def _profile_end(problem: Problem, values: Array, place: int, error: float, rise: float) -> float:
+def _profile_end(
+    problem: Problem, values: Array, near: Assembly, place: int, error: float, rise: float
+) -> float:
     from scipy.optimize import brentq
 
     free = np.arange(len(values)) != place
-    minimum = problem.evaluate(values)
+    minimum = problem.evaluate(values, near)
     assert minimum is not None
     least = float(minimum.residuals @ minimum.residuals)
     bound = problem.low[place] if error < 0 else problem.high[place]
     warm = values.copy()
 
     def excess(value: float) -> float:
+        nonlocal near
         start = warm.copy()
         start[place] = value
-        minimum = problem.search(start, free)
+        minimum = problem.search(start, free, near)
         if minimum.evaluation is None:
             return math.nan
         warm[:] = minimum.values
+        near = minimum.evaluation.assembly
         return 2 * minimum.cost - least - rise
 
     inner, outer = float(values[place]), float(values[place])

@@ -31,7 +31,8 @@ def fit(
         typer.Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
     ] = None,
     starts: Annotated[
-        int, typer.Option(help="Number of searches; all but the first begin between the bounds.")
+        int,
+        typer.Option(help="Number of starting points; all but the first lie between the bounds."),
     ] = 1,
     ci: Annotated[
         Literal["wald", "profile"],

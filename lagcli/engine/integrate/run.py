@@ -326,14 +326,40 @@ class Integration:
     # created on demand: most runs need none of these
 
     @cached_property
+    def ranked(self) -> System:
+        """The System whose rank is watched: that of the motion, if derivatives do not matter.
+
+        B of each derivative is that of the motion. Derivatives grow without limit towards a
+        singular configuration, so that their path does not show it.
+        """
+        return self.system if self.redundant or self.crosses else self.system.motion
+
+    def ranked_part(self, y: Array) -> Array:
+        """Return the part of a state that belongs to `ranked`."""
+        n = len(self.ranked.coordinates)
+        if n == self.nq:
+            return y
+        return np.concatenate([y[:n], y[self.nq : self.nq + n], y[-1:]])
+
+    @cached_property
     def motion(self) -> Index1:
-        """The right-hand side in Python, for rare cases."""
+        """The right-hand side of `ranked` in Python, for rare cases."""
         from lagcli.engine.constraints.index1 import Index1
 
-        motion = Index1(self.evaluator, self.request.rank)
-        start = self.request.state
-        motion.measure(start.t, start.q, start.v)
+        start, n = self.request.state, len(self.ranked.coordinates)
+        rank = self.request.rank * n // self.nq
+        motion = Index1(Evaluator(self.ranked, start.p), rank)
+        motion.measure(start.t, start.q[:n], start.v[:n])
         return motion
+
+    @cached_property
+    def ranked_projection(self) -> Projection:
+        """The projection of `ranked` in Python."""
+        from lagcli.engine.constraints.projection import Projection
+
+        if self.ranked is self.system:
+            return self.projection
+        return Projection(self.motion.evaluator, self.motion.rank)
 
     @cached_property
     def projection(self) -> Projection:
@@ -348,7 +374,7 @@ class Integration:
         from lagcli.engine.constraints.singular import RankWatch
 
         watch = RankWatch(self.motion)
-        watch.add(self.request.state.t, self.request.state.y)
+        watch.add(self.request.state.t, self.ranked_part(self.request.state.y))
         return watch
 
     def split(self, y: Array) -> tuple[Array, Array]:
@@ -436,10 +462,11 @@ class Integration:
             q, v = self.split(core.y_bad)
             raise jumped(self.system, core.t_bad, q, self.projection(core.t_bad, q, v)[0])
         if status == Status.FLOOR:
-            if self.methods.may_help() and not self.watch.near(core.t, core.state):
+            y = self.ranked_part(core.state)
+            if self.methods.may_help() and not self.watch.near(core.t, y):
                 self.methods.stiff(forced=True)
                 return False
-            raise self.far_from_zero() or self.watch.floor(core.t, core.state, self.settings.method)
+            raise self.far_from_zero() or self.watch.floor(core.t, y, self.settings.method)
         if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes
@@ -471,14 +498,14 @@ class Integration:
     def check_ahead(self) -> bool:
         """Examine the path of the last steps, which approach a singular configuration."""
         core, watch = self.core, self.watch
-        t, y, steps = core.t, core.state, core.counts[0]
+        t, y, steps = core.t, self.ranked_part(core.state), core.counts[0]
         self.measure()
         if steps != self.last_near + 1:
             watch.restart()
             since, _ = core.step
             for at in (since, (since + t) / 2):
-                before = core.dense(at)
-                q, v = self.projection(at, *self.split(before))
+                before = self.ranked_part(core.dense(at))
+                q, v = self.ranked_projection(at, *self.motion.split(before))
                 watch.add(at, np.concatenate([q, v, before[-1:]]))
         self.last_near = steps
         watch.add(t, y)
@@ -511,7 +538,7 @@ class Integration:
         from lagcli.engine.constraints.singular import Crossing
 
         time = ahead.singular.time
-        return Crossing(self.motion, self.projection, ahead.before, time, ahead.path)
+        return Crossing(self.motion, self.ranked_projection, ahead.before, time, ahead.path)
 
     def advice(self, approach: Callable[[], Ahead]) -> str:
         """Return what helps at a singular configuration where the run stops."""
@@ -525,14 +552,19 @@ class Integration:
 
     def measure(self) -> None:
         """Measure B at this state, and get the largest lengths of its rows from the core."""
-        self.motion.measure(self.core.t, *self.split(self.core.state))
-        self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
+        motion = self.motion
+        motion.measure(self.core.t, *motion.split(self.ranked_part(self.core.state)))
+        motion.lengths = np.maximum(motion.lengths, self.core.lengths[: motion.nc])
 
     def check_stepped_over(self) -> None:
         """Stop if the last step passed a singular configuration; repeat one that may have."""
         core = self.core
         self.measure()
-        found = self.watch.singular_time(core.dense, *core.suspect)
+
+        def path(t: float) -> Array:
+            return self.ranked_part(core.dense(t))
+
+        found = self.watch.singular_time(path, *core.suspect)
         if found is None:
             return
         if not found.certain:
@@ -545,14 +577,14 @@ class Integration:
         since, _ = core.step
 
         def approach() -> Ahead:
-            return self.watch.inside(found, core.dense, since, self.projection)
+            return self.watch.inside(found, path, since, self.ranked_projection)
 
-        q, v = self.split(core.dense(found.time))
+        q, v = self.motion.split(path(found.time))
         raise self.watch.stop(found, q, v, self.advice(approach))
 
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""
-        t, y = self.core.t, self.core.state
+        t, y = self.core.t, self.ranked_part(self.core.state)
         self.measure()
         if self.settings.formulation == "projection":
             self.watch.check_redundancy(t, y)

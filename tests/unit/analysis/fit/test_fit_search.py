@@ -16,12 +16,13 @@ class Line:
     def __init__(self, limit: float = np.inf):
         self.limit = limit
 
-    def __call__(self, values: list[float]) -> Evaluation:
+    def __call__(self, values: list[float], near: None = None) -> Evaluation:
         a, b = values
         if b > self.limit:
             raise FailedRun("too steep")
         t = np.arange(3.0)
-        return Evaluation(a + b * t - np.array([1.0, 3.0, 5.0]), np.stack([np.ones(3), t], axis=1))
+        residuals = a + b * t - np.array([1.0, 3.0, 5.0])
+        return Evaluation(residuals, np.stack([np.ones(3), t], axis=1), ())
 
 
 def problem(line: Line, low: float = -np.inf, high: float = np.inf) -> Problem:
@@ -71,7 +72,7 @@ def test_no_run_of_a_search_is_repeated() -> None:
     seen: list[list[float]] = []
 
     class Watched(Line):
-        def __call__(self, values: list[float]) -> Evaluation:
+        def __call__(self, values: list[float], near: None = None) -> Evaluation:
             seen.append(values)
             return super().__call__(values)
 
