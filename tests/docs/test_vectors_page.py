@@ -14,7 +14,7 @@ MODELS = [block for block in BLOCKS if "coordinates:" in block and "initial:" in
 
 
 def test_the_page_shows_models() -> None:
-    assert len(MODELS) == 3
+    assert len(MODELS) == 4
 
 
 def test_door_turns_about_its_hinge() -> None:
@@ -33,3 +33,9 @@ def test_door_turns_about_its_hinge() -> None:
 )
 def test_other_models_load(block: str, parameters: str) -> None:
     lagcli.load_text(f"{block}\nparameters: {parameters}\n")
+
+
+def test_charge_circles_at_the_frequency_that_the_page_says() -> None:
+    run = lagcli.simulate(lagcli.load_text(MODELS[3]), t_end=10, samples=5)
+    exact = np.stack([np.cos(run.time / 2), np.sin(run.time / 2)], axis=1)
+    assert np.allclose(run.q, exact, atol=1e-8)
