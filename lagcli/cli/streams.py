@@ -6,6 +6,7 @@ import codecs
 import io
 import os
 import re
+import shutil
 import sys
 import unicodedata
 from collections.abc import Callable, Iterable
@@ -137,18 +138,7 @@ def text_width(stream: TextIO | None = None) -> int:
     stream = stream or sys.stdout
     if not stream.isatty():
         return WIDTH
-    return max(NARROWEST, min(WIDEST, terminal_columns()))
-
-
-def terminal_columns() -> int:
-    """Return the width that the environment's COLUMNS states, otherwise the terminal's, or 80."""
-    # as `shutil.get_terminal_size`, whose module is slow to import
-    with suppress(KeyError, ValueError):
-        if (stated := int(os.environ["COLUMNS"])) > 0:
-            return stated
-    with suppress(OSError):
-        return os.get_terminal_size(1).columns or 80
-    return 80
+    return max(NARROWEST, min(WIDEST, shutil.get_terminal_size().columns))
 
 
 def fitted(text: str, width: int) -> str:
