@@ -12,11 +12,14 @@ from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import ConsistentSearch, ConsistentState, NoStart
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.system import State
+from lagcli.errors import LagcliError
 from lagcli.simulations.sensitivity import Sensitivity
 
 #: 2 to the power of this is the number of guesses from which other assemblies are searched for.
 #: Each leads to one of two with about the same chance.
 _GUESSES = 3
+#: Largest number of free coordinates: a large mechanism has more assemblies than guesses find.
+_MOST = 50
 #: Newton steps from a guess: a solution nearby needs five to ten.
 _STEPS = 20
 #: Difference of two assemblies over the reach of a coordinate, below which they are the same.
@@ -54,7 +57,7 @@ class Assemblies:
         from scipy.stats import qmc
 
         count = int(self.free.sum())
-        if not (count and self.system.holonomic and self.sensitivity.determined(own)):
+        if not 0 < count <= _MOST or not self.sensitivity.determined(own):
             return []
         evaluator = Evaluator(self.system, given.p)
         search = ConsistentSearch(evaluator, given.t, ~self.free, ~self.free)
@@ -71,7 +74,7 @@ class Assemblies:
                 if not self._on_constraints(search, near.state):
                     continue
                 found = self.sensitivity.consistent(given, near)
-            except NoStart:
+            except (NoStart, LagcliError, ArithmeticError):
                 continue
             if not any(same_assembly(found, x, reach) for x in known):
                 known.append(found)

@@ -299,7 +299,7 @@ class Experiment:
                 q[i] = guesses.get(name, q[i])
         try:
             found = self.sensitivity.consistent(given._replace(q=q))
-        except NoStart:
+        except (NoStart, LagcliError, ArithmeticError):
             return False
         return self.assemblies.same(found, start)
 
