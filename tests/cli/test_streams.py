@@ -108,9 +108,9 @@ OBEYED = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
 @pytest.mark.parametrize(
     ("arguments", "status"),
     [
-        (f"derive {HOSTILE}", 0),
-        (f"simulate {HOSTILE} {SHORT} -o $'x\\e[31m.csv'", 0),
-        (f"simulate {HOSTILE} --set $'m\\e[31m=1'", 2),
+        (f"derive $'{CRANK}\\e[31m'", 4),
+        (f"simulate {CRANK} {SHORT} -o $'x\\e[31m.csv'", 0),
+        (f"simulate {CRANK} --set $'m\\e[31m=1'", 2),
     ],
 )
 def test_escape_sequences_are_shown(
@@ -121,6 +121,13 @@ def test_escape_sequences_are_shown(
     assert found.returncode == status
     assert not OBEYED.search(found.stdout + found.stderr)
     assert rb"\x1b[31m" in found.stdout + found.stderr
+
+
+def test_escape_sequences_of_a_model_are_refused() -> None:
+    found = shell(f"derive {HOSTILE}")
+    assert (found.returncode, found.stdout) == (2, b"")
+    assert not OBEYED.search(found.stderr)
+    assert b"U+001B" in found.stderr
 
 
 def test_what_is_visible() -> None:
