@@ -36,6 +36,7 @@ def plot(
     model: Annotated[
         str | None,
         typer.Option(
+            "--model",
             metavar="MODEL",
             help="Model file, instead of the model stored in the result; CSV stores none.",
         ),
