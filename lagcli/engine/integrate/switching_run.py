@@ -55,7 +55,6 @@ from lagcli.engine.switching.switching import (
 from lagcli.engine.system import ENERGY, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.ticks import Ticks, ticks_of
-from lagcli.model.model import WEIGHT
 
 #: Capacity of the core's log.
 _LOG_ROWS = 512
@@ -730,7 +729,7 @@ class Actions:
     def _check_jump(self, event: str, constraint: int, y: Array) -> None:
         """Refuse to let velocities jump onto a constraint whose weight is in M."""
         name = self.system.constraints[constraint]
-        if name + WEIGHT not in self.system.parameters:
+        if not any(x.row == constraint and x.weight is not None for x in self.switching.rows):
             return
         c = self.evaluator.constraints(self.core.t, *self._split(y))
         speed = c.velocity(self._split(y)[1])[constraint]

@@ -115,7 +115,7 @@ class _Lowering:
     # rows
 
     def row(self, c: Constraint) -> SwitchedRow:
-        normal = c.limit.normal if c.limit else None
+        normal, weight = c.limit.normal if c.limit else None, c.name + WEIGHT
         return SwitchedRow(
             row=self.numbers[c.name],
             sign=c.sign,
@@ -124,6 +124,7 @@ class _Lowering:
             active=c.active,
             closed=c.name in self.model.closed,
             unit=self.model.units.of_residual(c.name, c.kind == "holonomic", rate=False),
+            weight=self.target(weight)[1] if weight in self.model.parameters else None,
         )
 
     def limits(self) -> tuple[tuple[tuple[int, int], ...], list[Basic]]:

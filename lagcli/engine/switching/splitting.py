@@ -11,7 +11,6 @@ from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.switching.signs import SignedLaws, with_signs
 from lagcli.engine.system import JacobianTapes, Pattern, System
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
-from lagcli.model.model import WEIGHT
 
 
 class SplitSystem:
@@ -40,12 +39,8 @@ class SplitSystem:
         self.rows = (*switched, *sorted(limiting.difference(switched)))
         left = set(range(len(system.constraints))).difference(self.rows)
         self.base = tuple(sorted(left))
-        #: The parameters that are weights of rows: `lagcli.model.sections.first_order`.
-        self.weights = {
-            row: system.parameters.index(name)
-            for row in self.rows
-            if (name := system.constraints[row] + WEIGHT) in system.parameters
-        }
+        #: The parameters that are weights of constraints in M.
+        self.weights = {x.row: x.weight for x in self.switching.rows if x.weight is not None}
         self._programs: dict[int, tuple[Tape, Program]] = {}
 
     @cached_property

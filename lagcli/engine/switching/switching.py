@@ -66,6 +66,9 @@ class SwitchedRow(NamedTuple):
         Whether the initial state satisfies it as a constraint.
     unit : str or None
         Unit of φ or ψ; None if unknown.
+    weight : int or None
+        The parameter that is its weight in M while it holds, of a constraint that a coordinate
+        without inertia needs.
     """
 
     row: int
@@ -75,6 +78,7 @@ class SwitchedRow(NamedTuple):
     active: bool = True
     closed: bool = False
     unit: str | None = None
+    weight: int | None = None
 
     @property
     def holds_at_start(self) -> bool:
