@@ -225,11 +225,14 @@ class Limits:
         self.steps, self.timeout = settings.max_steps, settings.timeout
         self.began = time.monotonic()
 
-    def check(self, t: float, steps: int) -> None:
-        """Stop a run that takes more steps or time than allowed."""
+    def check(self, t: float, steps: int, why: Callable[[], str] = str) -> None:
+        """Stop a run that takes more steps or time than allowed.
+
+        ``why`` returns what limits the steps, as the end of a sentence.
+        """
         if steps >= self.steps:
             taken = counted(steps, "step")
-            raise Stop(f"stopped after {taken} at t = {t:.9g} s; --max-steps allows more")
+            raise Stop(f"stopped after {taken} at t = {t:.9g} s; --max-steps allows more{why()}")
         self.check_time(t)
 
     def check_time(self, t: float) -> None:

@@ -66,7 +66,7 @@ def test_a_long_run_continues_with_taylor_and_stays_right() -> None:
     assert np.abs(energy - energy[0]).max() <= 1e-7  # of 10 J, over 390 swings
 
 
-@pytest.mark.parametrize(("t_end", "method"), [(1.0, "Taylor"), (40.0, "Radau")])
+@pytest.mark.parametrize(("t_end", "method"), [(4.0, "Taylor"), (40.0, "Radau")])
 def test_stiff_forces_at_rest(t_end: float, method: str) -> None:
     model = lagcli.load_text(SPRING)
     found = completed(model, t_end=t_end, samples=41)
@@ -74,7 +74,8 @@ def test_stiff_forces_at_rest(t_end: float, method: str) -> None:
     assert found.counts["steps"] < 600 * t_end + 300  # DOP853 would take 40 000 steps at first
     # it swings as a pendulum whose rod the spring is, lengthened by 3 g/k cos θ
     if method == "Taylor":
-        np.testing.assert_allclose(found.q, pendulum(found.time), rtol=0, atol=2e-5)
+        # the length is not quite that, which adds up
+        np.testing.assert_allclose(found.q, pendulum(found.time), rtol=0, atol=4e-5)
 
 
 @pytest.mark.bits

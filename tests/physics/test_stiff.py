@@ -334,7 +334,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
         encoding="utf-8",
         check=True,
     )
-    assert "DOP853, Taylor, Radau with projection" in done.stdout
+    assert "DOP853, Radau with projection" in done.stdout
     assert "Radau from t = " in done.stdout
     assert "the motion is stiff: continued with Radau at t = " in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 100

@@ -266,6 +266,7 @@ typedef struct {
     double rate;                       /* if stiffness is detected: about the largest eigenvalue, 1/s */
     int64_t examined;                  /* states whose distance from singular configurations was computed */
     double suspect_from, suspect_to;   /* after LAG_OVER: part of the last step in which B may lose rank */
+    int limiting;                      /* the entry of y whose error rejected a step last; -1: none */
 } lag_report;
 
 typedef struct lag_run lag_run;

@@ -105,7 +105,8 @@ void lag_release(lag_pool *pool)
 {
     for (owned *this = pool->owned, *following; this; this = following) {
         following = this->is.next;
-        this->is.end(this + 1);
+        if (this->is.end)
+            this->is.end(this + 1);
         pool->from.release(pool->from.context, this);
     }
     pool->owned = NULL;

@@ -12,6 +12,7 @@
 #include "memory.h"
 #include "series/series.h"
 #include "switching/switching.h"
+#include "tape/interval.h"
 #include "system.h"
 
 /* step.c, and the methods: the state and the last step. */
@@ -36,16 +37,30 @@ typedef struct {
     int64_t steps, rejected, evaluations;
 } lag_step;
 
+/* sizes.c: a tape whose rounding errors are enclosed, and the number of registers that there is memory for. */
+typedef struct {
+    lag_jet_tape jets;
+    int64_t capacity;
+} lag_enclosed;
+
 /* sizes.c: the absolute tolerances. */
 typedef struct {
     double *atol;                      /* n: of the next step ... */
     double *rounding;                  /* ... and what rounding errors need of it */
     const double *given;               /* n: given tolerances; 0 if they follow the size */
     double *size, *acceleration_terms, *future_acceleration;      /* n, nq + 1, nq: S, A and P, R of sizes.h */
+    double *emerging;                  /* nq: M_ii^-1/2 of coordinates that started at rest, without acceleration; else 0 */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
-    double *terms;                     /* 2 kinds and nq: scratch */
+    double *terms;                     /* nq: scratch */
+    double *down, *beside, *change;    /* n each: scratch */
+    double *noise;                     /* n: rounding errors of y', found in a step ... */
+    int64_t noise_until;               /* ... and known until this one */
+    double *strict;                    /* 2 n: atol and rounding of the step, before they were raised */
+    lag_enclosed *enclosed;            /* 2, not saved: the tape with f and M, and that with a */
+    int raised;                        /* whether they are */
+    int limiting;                      /* the entry whose error rejected a step last; -1: none */
     int64_t since, again;              /* the step since which A is amplified, and at which it is found again; 0: never */
 } lag_tolerances;
 

@@ -383,6 +383,12 @@ class Integrator:
         return copied(self.report.atol, self._n)
 
     @property
+    def limiting(self) -> int:
+        """The entry of (q, v, W) whose error rejected a step last, or -1."""
+        entry: int = self.report.limiting
+        return entry
+
+    @property
     def step(self) -> tuple[float, float]:
         """Start and end of the last step, s."""
         report = self.report

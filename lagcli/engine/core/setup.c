@@ -119,8 +119,16 @@ static void allocate(lag_run *run)
     run->tolerances.rounding = lag_doubles(pool, n);
     run->tolerances.acceleration_terms = lag_doubles(pool, nq + 1);
     run->tolerances.future_acceleration = lag_doubles(pool, nq);
+    run->tolerances.emerging = lag_doubles(pool, nq);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
-    run->tolerances.terms = lag_doubles(pool, 2 * kinds + nq);
+    run->tolerances.terms = lag_doubles(pool, nq);
+    run->tolerances.down = lag_doubles(pool, n);
+    run->tolerances.beside = lag_doubles(pool, n);
+    run->tolerances.change = lag_doubles(pool, n);
+    run->tolerances.noise = lag_doubles(pool, n);
+    run->tolerances.limiting = -1;
+    run->tolerances.enclosed = lag_own(pool, 2 * sizeof(lag_enclosed), NULL);
+    run->tolerances.strict = lag_doubles(pool, INT64_C(2) * n);
     run->projection.scale_position = lag_doubles(pool, run->system.nh);
     run->projection.scale_velocity = lag_doubles(pool, nc);
     run->solver.a = lag_doubles(pool, nq + nc);

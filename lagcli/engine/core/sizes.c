@@ -31,44 +31,48 @@ void lag_sizes_energy(lag_run *run, const double *y)
         run->tolerances.size[2 * nq] = fmax(run->tolerances.size[2 * nq], kinetic_energy(run, y + nq, 0.0));
 }
 
-/* The sums of the magnitudes of f_i and, with accelerations a, of M_ij a_j: the largest of each kind of coordinates over
- * its largest M_ii, to `terms`. Without a: of f_i alone. */
-static const double *terms_of(lag_run *run, double t, const double *y, const double *a)
+/* Raise a size to a value. (fmax is a call.) */
+static inline void raise_to(double *size, double value)
+{
+    if (value > *size)
+        *size = value;
+}
+
+/* The inertia M_ii where the dynamics tape was evaluated last; 0 if there is none. */
+static double inertia_of(const lag_system *s, int i)
+{
+    const int diagonal = s->mass_diagonal[i];
+    return diagonal < 0 ? 0.0 : fmax(OUT(lag_equations_tape(s), diagonal), 0.0);
+}
+
+/* The sums of the magnitudes of f_i and, with accelerations a, of M_ij a_j over M_ii, nq, to `terms`; 0 without
+ * inertia. */
+static double *terms_of(lag_run *run, double t, const double *y, const double *a)
 {
     const lag_system *s = &run->system;
-    double *terms = run->tolerances.terms, *inertia = terms + run->tolerances.kinds;
-    double *forces = inertia + run->tolerances.kinds;
+    double *terms = run->tolerances.terms;
     lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
     const lag_tape *d = lag_equations_tape(s);
     for (int i = 0; i < s->nq; ++i)
-        forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
+        terms[i] = fabs(OUT(d, lag_first_forcing(s) + i));
     for (int m = 0; a && m < s->nm / s->blocks; ++m) /* of the motion; f of the derivatives is not there */
-        forces[s->mass_row[m]] += fabs(OUT(d, m) * a[s->mass_column[m]]);
-    memset(terms, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
+        terms[s->mass_row[m]] += fabs(OUT(d, m) * a[s->mass_column[m]]);
     for (int i = 0; i < s->nq; ++i) {
-        const int kind = run->tolerances.kind[i];
-        terms[kind] = fmax(terms[kind], forces[i]);
-        if (s->mass_diagonal[i] >= 0)
-            inertia[kind] = fmax(inertia[kind], OUT(d, s->mass_diagonal[i]));
-    }
-    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
-        const double size = inertia[kind] > 0.0 ? terms[kind] / inertia[kind] : 0.0;
-        terms[kind] = isfinite(size) ? size : 0.0;
+        const double inertia = inertia_of(s, i);
+        const double size = inertia > 0.0 ? terms[i] / inertia : 0.0;
+        terms[i] = isfinite(size) ? size : 0.0;
     }
     return terms;
 }
 
-/* The same of f_i for coordinate i; and of the forces of rows, which pass rounding errors on: those of B_k a are those of
+/* The same of f_i alone; and of the forces of rows, which pass rounding errors on: those of B_k a are those of
  * the a_i that row k changes. A_i, if that is larger: it has what rows have passed on, and is not passed on again. An
  * acceleration `a` that is all rounding shows how many there are. */
 static const double *balanced_terms(lag_run *run, double t, const double *y, const double *a)
 {
     const lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
-    const double *of_kind = terms_of(run, t, y, NULL);
-    double *terms = run->tolerances.terms + 2 * run->tolerances.kinds;
-    for (int i = 0; i < nq; ++i)
-        terms[i] = of_kind[run->tolerances.kind[i]];
+    double *terms = terms_of(run, t, y, NULL);
     for (int k = 0; k < sw->rows; ++k) {
         if (sw->mode[k] != LAG_HOLDS)
             continue;
@@ -123,7 +127,8 @@ static void look_ahead(lag_run *run)
 }
 
 /* Raise A_i where forces that balance, as those of rows that hold, have grown so much that their rounding errors come
- * near the tolerances. */
+ * near the tolerances. That of a coordinate without inertia, which rows alone determine, has no size of its own: next to a
+ * singular configuration it would have any. */
 static void count_growth(lag_run *run)
 {
     const int nq = run->system.nq;
@@ -131,24 +136,36 @@ static void count_growth(lag_run *run)
     for (int i = 0; i < nq / run->system.blocks; ++i) {
         const double size = FOLLOWING * run->settings.rtol * run->tolerances.size[nq + i];
         double *a = run->tolerances.acceleration_terms + i;
-        if (GROWN * h * terms[i] > size + h * *a)
+        if (inertia_of(&run->system, i) > 0.0 && GROWN * h * terms[i] > size + h * *a)
             *a = terms[i];
     }
 }
 
-/* Raise the sizes of accelerations of each kind, A, that do not show the forces, which balance: to the
- * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. Returns whether some are far larger than that:
- * the equations amplify rounding errors, as next to a singular configuration. */
-static int count_forces(lag_run *run, double *largest)
+/* Raise the sizes of accelerations, A, that do not show the forces, which balance: to the sum of their magnitudes over the
+ * inertia. Returns whether some are far larger than that: the equations amplify rounding errors, as next to a singular
+ * configuration. */
+static int count_forces(lag_run *run)
 {
     const double *terms = terms_of(run, run->step.t, run->step.y, run->step.f + run->system.nq);
+    double *a = run->tolerances.acceleration_terms;
     int amplified = 0;
-    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
-        amplified |= terms[kind] > 0.0 && largest[kind] > AMPLIFIED * terms[kind];
-        if (largest[kind] < HIDDEN * terms[kind])
-            largest[kind] = terms[kind];
+    for (int i = 0; i < run->system.nq; ++i) {
+        amplified |= terms[i] > 0.0 && a[i] > AMPLIFIED * terms[i];
+        if (a[i] < HIDDEN * terms[i])
+            a[i] = terms[i];
     }
     return amplified;
+}
+
+/* Find the coordinates at rest without acceleration, where the dynamics tape was evaluated last. */
+static void find_emerging(lag_run *run)
+{
+    const lag_system *s = &run->system;
+    for (int i = 0; i < s->nq; ++i) {
+        const double inertia = inertia_of(s, i);
+        const int emerges = run->step.y[s->nq + i] == 0.0 && run->step.f[s->nq + i] == 0.0;
+        run->tolerances.emerging[i] = emerges && inertia > 0.0 ? 1.0 / sqrt(inertia) : 0.0;
+    }
 }
 
 /* Find A again after 1, 2, 4, 8, ... steps while rounding errors are amplified. */
@@ -161,23 +178,31 @@ static void find_again(lag_run *run, int amplified)
     tolerances->again = amplified ? run->step.steps + (passed ? passed : 1) : 0;
 }
 
-/* y' with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding modes,
- * as WebAssembly, each number of the state is instead the next one below, or above. */
-static int derivative_by_side(lag_run *run, int side, double *f)
+/* Let the values that tapes hold be computed again. */
+static void forget_values(lag_run *run)
 {
-    run->system.dynamics.registers[0] = NAN; /* its current values are rounded differently */
+    run->system.dynamics.registers[0] = NAN;
+    if (run->system.equations.registers)
+        run->system.equations.registers[0] = NAN;
+}
+
+/* y' at (t, y) with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding
+ * modes, as WebAssembly, each number of the state is instead the next one below, or above. */
+static int derivative_by_side(lag_run *run, int side, double t, const double *y, double *f)
+{
+    forget_values(run); /* they are rounded differently */
 #if defined(FE_DOWNWARD) && defined(FE_UPWARD) && !defined(LAGCLI_NO_ROUNDING_MODES)
     const int nearest = fegetround();
     fesetround(side ? FE_UPWARD : FE_DOWNWARD);
-    const int undefined = lag_derivative(run, run->step.t, run->step.y, f);
+    const int undefined = lag_derivative(run, t, y, f);
     fesetround(nearest);
     return undefined;
 #else
-    double *y = run->step.y_new;
-    memcpy(y, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    double *beside = run->tolerances.beside;
+    memcpy(beside, y, (size_t)lag_size(&run->system) * sizeof(double));
     for (int i = 0; i < 2 * run->system.nq; ++i)
-        y[i] = nextafter(y[i], (side != i % 2) ? INFINITY : -INFINITY);
-    return lag_derivative(run, run->step.t, y, f);
+        beside[i] = nextafter(beside[i], (side != i % 2) ? INFINITY : -INFINITY);
+    return lag_derivative(run, t, beside, f);
 #endif
 }
 
@@ -199,29 +224,202 @@ static void count_power(lag_run *run, double *f)
     run->tolerances.acceleration_terms[s->nq] = power;
 }
 
+/* The difference between y' at (t, y) rounded up and rounded down, to f. Returns 0, or 1 where y' is undefined. */
+static int difference_of_sides(lag_run *run, double t, const double *y, double *f)
+{
+    const int n = lag_size(&run->system);
+    double *down = run->tolerances.down;
+    const int undefined = derivative_by_side(run, 0, t, y, down) | derivative_by_side(run, 1, t, y, f);
+    forget_values(run);
+    for (int m = 0; m < n; ++m)
+        f[m] = fabs(f[m] - down[m]);
+    memset(f, 0, (size_t)run->system.nq * sizeof(double)); /* q' = v is exact */
+    return undefined;
+}
+
+/* The enclosure of the tape that gives a, or else of that with f and M; NULL if it is too large. */
+static lag_jet_tape *enclosed_tape(lag_run *run, int solves)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *tape = solves || !s->equations.registers ? &s->dynamics : &s->equations;
+    lag_enclosed *e = run->tolerances.enclosed + solves;
+    if (tape->register_count > MOST_REGISTERS)
+        return NULL;
+    if (e->capacity < tape->register_count) { /* at first, or after another order of elimination */
+        e->jets.registers = lag_own(&run->pool, JET * (size_t)tape->register_count * sizeof(lag_interval), NULL);
+        e->capacity = e->jets.registers ? tape->register_count : 0;
+    }
+    lag_jets_of_tape(&e->jets, tape);
+    return e->capacity ? &e->jets : NULL;
+}
+
+/* Bounds of the rounding errors of accelerations at (t, y): those of a_i, or of f_i over M_ii where no tape solves; to
+ * `bounds`. Returns 0, or 1 where there are none. */
+static int enclose_rounding(lag_run *run, double t, const double *y, double *bounds)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq, solves = lag_solving_by(run) == LAG_BY_TAPE && !run->switching.acting;
+    lag_jet_tape *jets = s->blocks > 1 ? NULL : enclosed_tape(run, solves);
+    if (!jets)
+        return 1;
+    lag_jets_refresh(jets);
+    for (int i = 0; i <= 2 * nq; ++i) {
+        const double x = i ? y[i - 1] : t;
+        lag_jet_input(jets, i)[0] = (lag_interval){x, x};
+    }
+    lag_jets_run(jets, 0);
+    for (int i = 0; i < nq; ++i) {
+        const int diagonal = s->mass_diagonal[i];
+        const lag_interval value = *lag_jet_output(jets, (solves ? lag_first_solution(s) : lag_first_forcing(s)) + i);
+        const double inertia = solves ? 1.0 : diagonal < 0 ? INFINITY : lag_jet_output(jets, diagonal)->low;
+        const double width = (value.high - value.low) / inertia;
+        bounds[i] = isfinite(width) ? fabs(width) : 0.0;
+    }
+    return 0;
+}
+
+/*
+ * What rounding errors change in y' at (t, y), n, from above, to `noise`.
+ *
+ * A difference of two evaluations is a sample: it may be zero by chance. An enclosure is none, but it is larger, by a
+ * factor that both together show, and which grows with the number of operations.
+ */
+static int find_noise(lag_run *run, double t, const double *y, double *noise)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *e = s->equations.registers ? &s->equations : &s->dynamics;
+    const int nq = s->nq;
+    double *bounds = run->tolerances.beside, sampled = 0.0, enclosed = 0.0;
+    if (difference_of_sides(run, t, y, noise))
+        return 1;
+    const int bounded = !enclose_rounding(run, t, y, bounds);
+    for (int i = 0; i < nq && bounded; ++i) {
+        const double inertia = s->mass_diagonal[i] < 0 ? 0.0 : OUT(e, s->mass_diagonal[i]);
+        sampled += inertia * noise[nq + i] * noise[nq + i];
+        enclosed += inertia * bounds[i] * bounds[i];
+    }
+    for (int m = nq; m < lag_size(&run->system); ++m)
+        noise[m] *= SAMPLED;
+    const double ratio = fmax(sqrt(enclosed / sampled), SAMPLED);
+    for (int i = 0; i < nq && bounded; ++i)
+        noise[nq + i] = fmax(noise[nq + i], sampled > 0.0 ? SAMPLED / ratio * bounds[i] : bounds[i]);
+    return 0;
+}
+
+/* Raise the tolerances of a step where changes of the state, n, explain errors. Returns whether any is raised. */
+static int raise_tolerances(lag_run *run, const double *change)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    const int n = lag_size(&run->system);
+    const double rtol = run->settings.rtol, *y = run->step.y, *z = run->step.y_new;
+    int raised = 0;
+    for (int m = 0; m < n; ++m) {
+        const double noise = fabs(change[m]), tolerance = tolerances->atol[m] + rtol * fmax(fabs(y[m]), fabs(z[m]));
+        if (!(noise > NOTICED * tolerance) || !isfinite(noise)
+            || (m <= 2 * run->system.nq && tolerances->given[m] > 0.0))
+            continue;
+        if (!tolerances->raised) {
+            memcpy(tolerances->strict, tolerances->atol, (size_t)n * sizeof(double));
+            memcpy(tolerances->strict + n, tolerances->rounding, (size_t)n * sizeof(double));
+            tolerances->raised = 1;
+        }
+        tolerances->atol[m] = tolerances->strict[m] + noise;
+        tolerances->rounding[m] = tolerances->strict[n + m] + noise;
+        raised = 1;
+    }
+    return raised;
+}
+
+/* Find the rounding errors of y' at the end of the attempted step of size h; those found last count by a part. Returns 0,
+ * or 1 where they are not known. */
+static int find_noise_of_step(lag_run *run, double h)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    const int n = lag_size(&run->system);
+    if (find_noise(run, run->step.t + h, run->step.y_new, tolerances->change))
+        return 1;
+    for (int m = 0; m < n; ++m)
+        tolerances->noise[m] = fmax(tolerances->change[m], LASTING * tolerances->noise[m]);
+    tolerances->noise_until = run->step.steps + KNOWN;
+    return 0;
+}
+
+int lag_excuse_rounding(lag_run *run, double h, int attempt, lag_propagation *propagate)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    const int nq = run->system.nq, n = lag_size(&run->system);
+    const int known = run->step.steps < tolerances->noise_until;
+    double *change = tolerances->change;
+    if (attempt == 0 ? !known : find_noise_of_step(run, h))
+        return 0;
+    if (propagate) {
+        propagate(run, tolerances->noise, change);
+        return raise_tolerances(run, change);
+    }
+    for (int m = nq; m < n; ++m)
+        change[m] = h * tolerances->noise[m];
+    for (int i = 0; i < nq; ++i)
+        change[i] = h * change[nq + i];
+    for (int k = 0; k < run->derivatives.n; ++k) {
+        double *of_q = change + 2 * nq + 1 + 2 * k * nq;
+        for (int i = 0; i < nq; ++i)
+            of_q[i] += h * of_q[nq + i];
+    }
+    return raise_tolerances(run, change);
+}
+
+int lag_scale_rounding(lag_run *run, double factor)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    const int n = lag_size(&run->system);
+    for (int m = 0; m < n && tolerances->raised; ++m) {
+        const double *strict = tolerances->strict + m;
+        tolerances->atol[m] = strict[0] + factor * (tolerances->atol[m] - strict[0]);
+        tolerances->rounding[m] = strict[n] + factor * (tolerances->rounding[m] - strict[n]);
+    }
+    return tolerances->raised;
+}
+
+void lag_be_strict(lag_run *run)
+{
+    const int n = lag_size(&run->system);
+    if (!run->tolerances.raised)
+        return;
+    run->tolerances.raised = 0;
+    memcpy(run->tolerances.atol, run->tolerances.strict, (size_t)n * sizeof(double));
+    memcpy(run->tolerances.rounding, run->tolerances.strict + n, (size_t)n * sizeof(double));
+}
+
+void lag_reject_step(lag_run *run, const double *errors)
+{
+    const double rtol = run->settings.rtol, *y = run->step.y, *z = run->step.y_new, *atol = run->tolerances.atol;
+    double most = 0.0;
+    lag_be_strict(run);
+    for (int m = 0; m <= 2 * run->system.nq; ++m) {
+        const double error = fabs(errors[m]) / (atol[m] + rtol * fmax(fabs(y[m]), fabs(z[m])));
+        if (error > most) {
+            most = error;
+            run->tolerances.limiting = m;
+        }
+    }
+}
+
 void lag_sizes_start(lag_run *run)
 {
     const int nq = run->system.nq;
-    double *rates[] = {run->step.trial, run->step.f_new};
-    int undefined = 0;
-    for (int side = 0; side < 2; ++side) {
-        undefined |= derivative_by_side(run, side, rates[side]);
-    }
+    double *change = run->tolerances.change;
+    run->tolerances.noise_until = 0;
+    memset(run->tolerances.noise, 0, (size_t)lag_size(&run->system) * sizeof(double));
+    const int undefined = difference_of_sides(run, run->step.t, run->step.y, change);
     for (int i = 0; i < nq; ++i) {
-        const double noise = undefined ? 0.0 : fabs(rates[1][nq + i] - rates[0][nq + i]);
+        const double noise = undefined ? 0.0 : fabs(change[nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
         run->tolerances.acceleration_terms[i] = fmax(run->tolerances.acceleration_terms[i], a);
     }
-    count_power(run, rates[0]);
-    run->system.dynamics.registers[0] = NAN;
-    memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
-    for (int i = 0; i < nq; ++i) {
-        double *largest = run->tolerances.largest + run->tolerances.kind[i];
-        *largest = fmax(*largest, run->tolerances.acceleration_terms[i]);
-    }
-    find_again(run, count_forces(run, run->tolerances.largest));
-    for (int i = 0; i < nq; ++i)
-        run->tolerances.acceleration_terms[i] = run->tolerances.largest[run->tolerances.kind[i]];
+    count_power(run, run->tolerances.down);
+    forget_values(run);
+    find_again(run, count_forces(run));
+    find_emerging(run);
     look_ahead(run);
     /* derivatives are those by theta over its scale, in the units of the motion: what cancels in them is as large */
     for (int i = 0, motion = nq / run->system.blocks; i < nq; ++i) {
@@ -267,18 +465,13 @@ static void sizes_of_changes(lag_run *run)
         }
 }
 
-/* Raise a size to a value. (fmax is a call.) */
-static inline void raise_to(double *size, double value)
-{
-    if (value > *size)
-        *size = value;
-}
-
 void lag_sizes_update(lag_run *run)
 {
     const int nq = run->system.nq, motion = nq / run->system.blocks;
     const double h = SUMMING * run->step.h, length = TIMING * (run->settings.t_end - run->step.t_start);
     double *size = run->tolerances.size, *largest = run->tolerances.largest;
+    const double speed = EMERGED * sqrt(2.0 * size[2 * nq]);
+    run->tolerances.raised = 0;
     memset(largest, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
     if (run->switching.acting)
         count_growth(run);
@@ -291,14 +484,14 @@ void lag_sizes_update(lag_run *run)
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             const int m = part * nq + i;
-            const double noise = (h * run->tolerances.acceleration_terms[i] + length * run->tolerances.future_acceleration[i])
+            const double noise = (h * run->tolerances.acceleration_terms[i] + length * run->tolerances.future_acceleration[i]
+                                  + run->tolerances.emerging[i] * speed)
                                  * (part ? 1.0 : run->step.h);
-            const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
-            run->tolerances.rounding[m] = run->tolerances.given[m] > 0.0 ? 0.0 : ROUNDING * all + noise + NO_SIZE;
+            const double rounding = ROUNDING * size[m] + noise + NO_SIZE;
+            run->tolerances.rounding[m] = run->tolerances.given[m] > 0.0 ? 0.0 : rounding;
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
                                ? run->tolerances.given[m]
-                               : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->settings.rtol * size[m]
-                                         + ROUNDING * all + noise + NO_SIZE;
+                               : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->settings.rtol * size[m] + rounding;
         }
     raise_to(size + 2 * nq, fabs(run->step.y[2 * nq]));
     const double energy = fmax(size[2 * nq], run->step.h * run->tolerances.acceleration_terms[nq]);

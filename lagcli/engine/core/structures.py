@@ -189,6 +189,7 @@ class lag_report(Structure):
         ("rate", c_double),
         ("examined", c_int64),
         *each(c_double, "suspect_from suspect_to"),
+        ("limiting", c_int),
     ]
 
 

@@ -64,6 +64,9 @@ _GROWTH = 16
 _FAR = 1e3
 #: Number of states for an order of elimination; after that, failures use the dense solution.
 _MOST_STATES = 20
+#: The coordinate that changes fastest, over what the start and its velocities cover, from which
+#: it diverges.
+_DIVERGED = 1e9
 #: Order of the dense matrix from which redundant constraints are left out of an elimination. To
 #: find one, and to assemble its program, takes as long as the dense solution of a short run.
 LEAST_LEFT_OUT = 40
@@ -408,7 +411,7 @@ class Integration:
         report = core.report
         while True:
             steps = report.steps
-            limits.check(report.t, steps)
+            limits.check(report.t, steps, self.limited)
             started = time.monotonic()
             until = min(self.settings.max_steps, self.unroll_at) - steps
             most = int(min(slice_, until, self.methods.most_steps(steps)))
@@ -428,6 +431,28 @@ class Integration:
                 if status == Status.NEAR:
                     slice_ = 1
             self.progress(report.t)
+
+    def limited(self) -> str:
+        """Return what limits the steps, as the end of a sentence; empty if it is not known."""
+        core = self.core
+        entry = core.limiting
+        names = self.system.coordinates
+        if not 0 <= entry < 2 * self.nq:
+            return ""
+        name = names[entry] if entry < self.nq else f"{names[entry - self.nq]}'"
+        atol = core.absolute_tolerances[entry]
+        return f"; the error of `{name}`, whose absolute tolerance is {atol:.2g}, limits the steps"
+
+    def diverging(self) -> str:
+        """Return that a coordinate grows without bound, as the end of a sentence, if one does."""
+        start, (q, v) = self.request.state, self.split(self.core.state)
+        fastest = int(np.argmax(np.abs(v)))
+        covered = abs(start.q).max() + abs(start.v).max() * (self.core.t - start.t)
+        if not abs(q[fastest]) > _DIVERGED * covered > 0.0:
+            return ""
+        return (
+            f"; it is {q[fastest]:.3g} there: it seems to grow beyond all bounds in a finite time"
+        )
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
@@ -466,7 +491,9 @@ class Integration:
             if self.methods.may_help() and not self.watch.near(core.t, y):
                 self.methods.stiff(forced=True)
                 return False
-            raise self.far_from_zero() or self.watch.floor(core.t, y, self.settings.method)
+            remark = self.diverging() or self.limited()
+            floor = self.watch.floor
+            raise self.far_from_zero() or floor(core.t, y, self.settings.method, remark)
         if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes

@@ -100,9 +100,12 @@ static void allocate(lag_batch *s, int64_t slots)
     s->path_begin = lanes(pool, s->system->nb);
     s->path_last = lanes(pool, s->system->nb);
     s->atol = lanes(pool, n);
+    s->noise = lanes(pool, n);
+    s->strict = lanes(pool, n);
     s->size = lanes(pool, n);
     s->acceleration_terms = lanes(pool, nq + 1);
     s->future_acceleration = lanes(pool, nq);
+    s->emerging = lanes(pool, nq);
     s->largest = lanes(pool, 2 * s->single->tolerances.kinds);
 }
 

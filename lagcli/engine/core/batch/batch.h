@@ -80,8 +80,10 @@ struct lag_batch {
     double *dense;                     /* 7 n */
     double *dense_slope;               /* of lanes: nq */
     double *lengths;                   /* of lanes: nc */
-    /* of lanes: n, n, nq, nq: as in run.h, and what is given there */
-    double *atol, *size, *acceleration_terms, *future_acceleration;
+    /* of lanes: n, n, nq, nq, nq: as in run.h, and what is given there */
+    double *atol, *size, *acceleration_terms, *future_acceleration, *emerging;
+    double *noise, *strict;            /* of lanes, n: as in run.h */
+    int64_t noise_until[LAG_LANES];
     double *largest;                   /* of lanes: 2 kinds */
 
     /* functions of a single run, for a closer examination of one lane */

@@ -165,6 +165,46 @@ static double batch_step_size(const lag_batch *s, int l)
     return t + 1.01 * h >= t_end ? t_end - t : lag_exact_step(t, h, s->t_start, t_end);
 }
 
+/* The lanes in which an error is too large, and finite. */
+static int batch_too_large(int lanes, const double *error)
+{
+    int which = 0;
+    EACH_LANE (l)
+        which |= (HAS(lanes, l) && error[l] > 1.0 && error[l] < INFINITY) << l;
+    return which;
+}
+
+/* The errors of steps beside tolerances that rounding errors do not exceed; without rounding errors where they are
+ * small enough. See dop853.c. */
+static void batch_judged_errors(lag_batch *s, int lanes, const double *h, double *error)
+{
+    const int n = lag_size(s->system);
+    const int flat = batch_errors(s, h, error) & lanes;
+    int large = batch_too_large(lanes, error), raised = 0;
+    if (!(large | flat))
+        return;
+    memcpy(s->strict, s->atol, (size_t)n * LAG_LANES * sizeof(double));
+    for (int attempt = 0; (large | (flat & ~raised)) && attempt < ATTEMPTS; ++attempt) {
+        const int excused = batch_excuse(s, large | (flat & ~raised), h, attempt);
+        raised |= excused;
+        if (!excused)
+            continue;
+        batch_errors(s, h, error);
+        large = batch_too_large(large, error);
+    }
+    batch_copy(s->atol, s->strict, n, large);
+    raised &= ~large;
+    if (!raised)
+        return;
+    double other[LAG_LANES];
+    batch_scale_rounding(s, IGNORED);
+    batch_errors(s, h, other);
+    batch_scale_rounding(s, 1.0 / IGNORED);
+    EACH_LANE (l)
+        if (HAS(raised, l))
+            error[l] = other[l];
+}
+
 /* Determine the accepted steps and the sizes of the next ones; return the lanes that continue. */
 static int batch_judge(lag_batch *s, int lanes, const double *h, const double *error)
 {
@@ -322,7 +362,7 @@ static void batch_attempt(lag_batch *s, int lanes)
     if (!lanes)
         return;
     batch_stages(s, h);
-    batch_errors(s, h, error);
+    batch_judged_errors(s, lanes, h, error);
     lanes = batch_judge(s, lanes, h, error);
     if (!lanes)
         return;

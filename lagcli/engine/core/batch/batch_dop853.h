@@ -51,9 +51,11 @@ static void batch_stages(lag_batch *s, const double *h)
     batch_add_stages(s->y + work, s->stages + work, &dop_b, h, n, 1, s->y_new + work);
 }
 
-/* The errors of a step over the tolerances (of lanes). */
-static void batch_errors(const lag_batch *s, const double *h, double *error)
+/* The errors of a step over the tolerances (of lanes). Returns the lanes in which those of different orders are alike:
+ * is_flat of dop853.c. */
+static int batch_errors(const lag_batch *s, const double *h, double *error)
 {
+    int flat = 0;
     const int n8 = lag_size(s->system) * LAG_LANES;
     EACH_PART (k) {
         vec e5 = all(0.0), e3 = all(0.0);
@@ -75,8 +77,11 @@ static void batch_errors(const lag_batch *s, const double *h, double *error)
         const vec estimate = READ(h + k) * e5 / root(below);
         /* overflow is not a small error */
         const vec defined = choose(below > 0.0, estimate, all(0.0));
-        AT(error + k) = choose(below <= DBL_MAX, defined, all(INFINITY));
+        const vec judged = choose(below <= DBL_MAX, defined, all(INFINITY));
+        AT(error + k) = judged;
+        flat |= set_of((judged > SEEN) & (e3 < FLAT * FLAT * e5), k);
     }
+    return flat;
 }
 
 /* Approximate h times the dominant eigenvalue of the last step (of lanes); see dop853.c. */

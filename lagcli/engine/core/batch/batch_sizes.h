@@ -42,14 +42,56 @@ static void batch_sizes_start(lag_batch *s, int lanes)
         lag_run *run = batch_single(s, l, s->y);
         memset(run->tolerances.acceleration_terms, 0, (size_t)(nq + 1) * sizeof(double));
         memset(run->tolerances.future_acceleration, 0, (size_t)nq * sizeof(double));
+        run->step.steps = 0;
         if (!lag_derivative(run, run->step.t, run->step.y, run->step.f))
             lag_sizes_start(run);
         for (int i = 0; i < nq; ++i) {
             s->acceleration_terms[i * LAG_LANES + l] = run->tolerances.acceleration_terms[i];
             s->future_acceleration[i * LAG_LANES + l] = run->tolerances.future_acceleration[i];
+            s->emerging[i * LAG_LANES + l] = run->tolerances.emerging[i];
         }
         s->acceleration_terms[nq * LAG_LANES + l] = run->tolerances.acceleration_terms[nq];
+        s->noise_until[l] = 0;
+        for (int m = 0; m < lag_size(s->system); ++m)
+            s->noise[m * LAG_LANES + l] = 0.0;
     }
+}
+
+/* Raise the tolerances of the steps of some lanes, of sizes h to y_new, where rounding errors may account for the errors,
+ * as lag_excuse_rounding does; s->strict keeps them. Returns the lanes in which any is raised. */
+static int batch_excuse(lag_batch *s, int lanes, const double *h, int attempt)
+{
+    const int n = lag_size(s->system);
+    int which = 0;
+    EACH_LANE (l) {
+        if (!HAS(lanes, l))
+            continue;
+        lag_run *run = batch_single(s, l, s->y);
+        lag_tolerances *tolerances = &run->tolerances;
+        tolerances->raised = 0;
+        for (int m = 0; m < n; ++m) {
+            run->step.y_new[m] = s->y_new[m * LAG_LANES + l];
+            tolerances->atol[m] = s->strict[m * LAG_LANES + l];
+            tolerances->noise[m] = s->noise[m * LAG_LANES + l];
+        }
+        run->step.steps = s->counts[3 * s->run[l]];
+        tolerances->noise_until = s->noise_until[l];
+        which |= lag_excuse_rounding(run, h[l], attempt, NULL) << l;
+        s->noise_until[l] = tolerances->noise_until;
+        for (int m = 0; m < n; ++m) {
+            s->atol[m * LAG_LANES + l] = tolerances->atol[m];
+            s->noise[m * LAG_LANES + l] = tolerances->noise[m];
+        }
+    }
+    return which;
+}
+
+/* Multiply what they were raised by, as lag_scale_rounding does. */
+static void batch_scale_rounding(lag_batch *s, double factor)
+{
+    EACH_PART (k)
+        for (int m = k; m < lag_size(s->system) * LAG_LANES; m += LAG_LANES)
+            AT(s->atol + m) = READ(s->strict + m) + factor * (READ(s->atol + m) - READ(s->strict + m));
 }
 
 /* Sizes and absolute tolerances for the next steps of some lanes. */
@@ -69,15 +111,15 @@ static void batch_sizes_update(lag_batch *s, int lanes)
             AT(kept) = choose(chosen, size, READ(kept));
             AT(largest) = larger(size, READ(largest));
         }
+        const vec speed = EMERGED * root(2.0 * READ(s->size + 2 * nq * LAG_LANES + k));
         for (int m = 0; m < 2 * nq; ++m) {
             double *atol = s->atol + m * LAG_LANES + k;
-            const int kind = single->tolerances.kind[m % nq] + (m < nq ? 0 : kinds);
             const int i = m % nq * LAG_LANES + k;
             const vec h = READ(s->h + k);
             const vec noise = SUMMING * h * READ(s->acceleration_terms + i)
-                              + length * READ(s->future_acceleration + i);
+                              + length * READ(s->future_acceleration + i) + READ(s->emerging + i) * speed;
             vec tolerance = following * READ(s->size + m * LAG_LANES + k)
-                        + ROUNDING * READ(s->largest + kind * LAG_LANES + k)
+                        + ROUNDING * READ(s->size + m * LAG_LANES + k)
                         + (m < nq ? noise * h : noise) + NO_SIZE;
             if (single->tolerances.given[m] > 0.0)
                 tolerance = all(single->tolerances.given[m]);

@@ -8,6 +8,7 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "polynomial.h"
+#include "sizes.h"
 #include "step.h"
 #include "tape/vectors.h"
 #include "watch.h"
@@ -64,6 +65,23 @@ static double error_by(lag_run *run, const dop_sum *sum)
                                         run->tolerances.atol, run->settings.rtol);
 }
 
+/* The error of a step of size h over the tolerances; the squares of its two estimates to e5 and e3. */
+static double error_of(lag_run *run, double h, double *e5, double *e3)
+{
+    *e5 = error_by(run, &dop_e5);
+    *e3 = error_by(run, &dop_e3);
+    const double below = *e5 + 0.01 * *e3;
+    /* overflow is not a small error */
+    return !isfinite(below) ? INFINITY : below > 0.0 ? h * *e5 / sqrt(below) : 0.0;
+}
+
+/* Whether the error estimates of different orders are alike: stiff forces or rounding errors are larger than what the
+ * orders differ in. */
+static int is_flat(double e5, double e3)
+{
+    return e3 < FLAT * FLAT * e5;
+}
+
 static int step(lag_run *run)
 {
     const int n = lag_size(&run->system), s = apart(run), whole = lag_whole_vectors(n);
@@ -91,18 +109,23 @@ static int step(lag_run *run)
         }
         double factor = 0.2;
         if (!bad) {
-            const double e5 = error_by(run, &dop_e5), e3 = error_by(run, &dop_e3);
-            const double below = e5 + 0.01 * e3;
-            /* overflow is not a small error */
-            const double error = !isfinite(below) ? INFINITY
-                                 : below > 0.0    ? h * e5 / sqrt(below)
-                                                  : 0.0;
+            double e5, e3, error = error_of(run, h, &e5, &e3);
+            const int flat = error > SEEN && is_flat(e5, e3), notable = error > NOTABLE && flat;
+            for (int attempt = 0; (error > 1.0 || (flat && !run->tolerances.raised)) && attempt < ATTEMPTS; ++attempt)
+                if (lag_excuse_rounding(run, h, attempt, NULL))
+                    error = error_of(run, h, &e5, &e3);
+            if (error > 1.0)
+                lag_reject_step(run, run->step.work); /* the estimate of third order */
             if (error <= 1.0) {
+                if (run->stiffness.detecting)
+                    look_for_stiffness(run, h, run->step.trial, notable);
+                if (lag_scale_rounding(run, IGNORED)) {
+                    error = error_of(run, h, &e5, &e3);
+                    lag_scale_rounding(run, 1.0 / IGNORED);
+                }
                 factor = lag_pi_factor(error, run->step.error_old, lag_dop853.order, rejected);
                 run->step.error_old = fmax(error, LEAST_ERROR);
                 memcpy(run->step.f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
-                if (run->stiffness.detecting)
-                    look_for_stiffness(run, h, run->step.trial, error > NOTABLE && e3 < FLAT * FLAT * e5);
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }

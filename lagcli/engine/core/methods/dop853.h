@@ -6,6 +6,7 @@
 #define NOT_STIFF 6         /* steps inside it after which the count restarts */
 #define STIFF 15            /* steps limited by stability after which the model counts as stiff */
 #define FLAT 30.0           /* the error estimate of third order over that of fifth: smooth motion has more */
+#define SEEN 1e-4           /* of the tolerance: an error that keeps the next step from growing as it may */
 #define NOTABLE 0.01        /* of the tolerance: an error that limits the step */
 
 #endif

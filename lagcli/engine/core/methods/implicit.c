@@ -217,6 +217,11 @@ void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u)
     u[2 * nq] = (rw + power_change(run, u, u + nq, x + nq, -s) + tau * rates_of(m)[nq + nc]) / s;
 }
 
+void lag_shifted_noise(lag_run *run, const double *rates, double *change)
+{
+    lag_shifted_solve(run, rates, 0.0, change);
+}
+
 void lag_shifted_solve_complex(lag_run *run, double *re, double *im, double tau_re, double tau_im)
 {
     lag_implicit *m = run->implicit;

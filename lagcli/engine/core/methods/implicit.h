@@ -27,6 +27,9 @@ int lag_shift_complex(lag_run *run, double re, double im);
 /* Whether F_t is not zero. */
 int lag_depends_on_time(const lag_run *run);
 
+/* What rates do to the state in a step: lag_shifted_solve without tau. */
+void lag_shifted_noise(lag_run *run, const double *rates, double *change);
+
 /* Solve (s - J) u = r + tau F_t; u may be r, and is r of the complex one. */
 void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u);
 void lag_shifted_solve_complex(lag_run *run, double *re, double *im, double tau_re, double tau_im);

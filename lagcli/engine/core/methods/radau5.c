@@ -9,6 +9,7 @@
 #include "motion.h"
 #include "methods/radau5_tableau.h"
 #include "polynomial.h"
+#include "sizes.h"
 #include "step.h"
 #include "watch.h"
 
@@ -122,6 +123,22 @@ static int defects(lag_run *run, double h, const double *z, const double *w, dou
     return 0;
 }
 
+/* The change, over the tolerances, at which Newton's iteration ends. */
+static double last_change(const lag_run *run)
+{
+    const double tolerance = looseness(run) * run->settings.rtol;
+    return fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
+}
+
+/* Tolerances of which that change is what rounding errors do. */
+static void noise_of_newton(lag_run *run, const double *rates, double *change)
+{
+    lag_shifted_noise(run, rates, change);
+    const double enough = last_change(run);
+    for (int m = 0; m < lag_size(&run->system); ++m)
+        change[m] /= 100.0 * enough;
+}
+
 /* Results of a Newton iteration. */
 enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
 
@@ -129,8 +146,7 @@ enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
 static enum newton solve_stages(lag_run *run, double h, double *z, int *iterations, double *factor)
 {
     const int n = lag_size(&run->system);
-    const double tolerance = looseness(run) * run->settings.rtol;
-    const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
+    const double enough = last_change(run);
     double *w = run->step.stages + 3 * n, *r = run->step.stages + 6 * n;
     double change = 0.0, before = 0.0, rate = 0.0;
     predict(run, h, z, w);
@@ -140,6 +156,9 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
     for (int k = 0; k < NEWTON; ++k) {
         if (defects(run, h, z, w, r))
             return NOT_DEFINED;
+        if (k == 0 && run->implicit->h_accepted == 0.0) /* z is zero: where the step goes shows how large y becomes */
+            for (int m = 0; m < n; ++m)
+                run->step.y_new[m] = run->step.y[m] + h * run->step.f[m];
         lag_shifted_solve(run, r, 0.0, r);
         lag_shifted_solve_complex(run, r + n, r + 2 * n, 0.0, 0.0);
         double sum = 0.0;
@@ -257,11 +276,18 @@ static int step(lag_run *run)
         }
         int iterations = NEWTON;
         double factor;
-        const enum newton outcome = solve_stages(run, h, z, &iterations, &factor);
+        enum newton outcome = solve_stages(run, h, z, &iterations, &factor);
+        for (int attempt = 0; outcome == DIVERGED && attempt < ATTEMPTS; ++attempt)
+            if (lag_excuse_rounding(run, h, attempt, noise_of_newton))
+                outcome = solve_stages(run, h, z, &iterations, &factor);
+        lag_be_strict(run);
         if (outcome == CONVERGED) {
             double *estimated = run->step.stages + 3 * n;
-            const double error =
-                estimate(run, h, z, rejected || run->implicit->h_accepted == 0.0, estimated);
+            const int doubtful = rejected || run->implicit->h_accepted == 0.0;
+            double error = estimate(run, h, z, doubtful, estimated);
+            for (int attempt = 0; error >= 1.0 && attempt < ATTEMPTS; ++attempt)
+                if (lag_excuse_rounding(run, h, attempt, lag_shifted_noise))
+                    error = estimate(run, h, z, doubtful, estimated);
             const double safe = fmin(SAFETY, SAFETY * (1.0 + 2.0 * NEWTON)
                                                  / (iterations + 2.0 * NEWTON));
             factor = fmin(fmax(safe * pow(error, -0.25), LEAST), LARGEST);
@@ -285,6 +311,7 @@ static int step(lag_run *run)
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
+            lag_reject_step(run, estimated);
             if (run->implicit->h_accepted == 0.0)
                 factor = 0.1;
         } else {

@@ -8,6 +8,7 @@
 #include "motion.h"
 #include "methods/rodas5p_tableau.h"
 #include "polynomial.h"
+#include "sizes.h"
 #include "step.h"
 #include "watch.h"
 
@@ -58,7 +59,10 @@ static int step(lag_run *run)
             undefined = 1;
         } else {
             const double *last = run->step.stages + (RODAS_STAGES - 1) * n;
-            const double error = lag_scaled_norm(run, last, run->step.y, run->step.y_new);
+            double error = lag_scaled_norm(run, last, run->step.y, run->step.y_new);
+            for (int attempt = 0; error > 1.0 && attempt < ATTEMPTS; ++attempt)
+                if (lag_excuse_rounding(run, h, attempt, lag_shifted_noise))
+                    error = lag_scaled_norm(run, last, run->step.y, run->step.y_new);
             factor = error > 0.0 ? fmin(fmax(0.9 * pow(error, -1.0 / 5.0), 0.2), 6.0) : 6.0;
             if (error <= 1.0) {
                 if (run->implicit->h_accepted > 0.0 && error > 0.0) {
@@ -73,6 +77,7 @@ static int step(lag_run *run)
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
+            lag_reject_step(run, last);
             if (!isfinite(error))
                 factor = 0.2;
         }

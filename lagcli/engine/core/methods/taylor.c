@@ -105,7 +105,11 @@ static int try_step(lag_run *run, double h, double *factor)
         }
     }
     *factor = 0.5;
-    if (is_off(run, h))
+    int off = is_off(run, h);
+    for (int attempt = 0; off && attempt < ATTEMPTS; ++attempt)
+        if (lag_excuse_rounding(run, h, attempt, NULL))
+            off = is_off(run, h);
+    if (off)
         return LAG_INACCURATE;
     *factor = LARGEST;
     if (!run->watch.mode)
@@ -136,6 +140,7 @@ static int step(lag_run *run)
             lag_accept(run, h, factor);
             return LAG_RUNNING;
         }
+        lag_be_strict(run);
         undefined |= status == LAG_UNDEFINED;
         run->step.h = factor * h;
         ++run->step.rejected;

@@ -685,6 +685,12 @@ void lag_jets_bind(lag_jet_tape *jets, lag_pool *pool, const lag_tape *tape, con
             jets->used[tape->outputs[i]] = 1;
 }
 
+void lag_jets_of_tape(lag_jet_tape *jets, const lag_tape *tape)
+{
+    *jets = (lag_jet_tape){.tape = tape, .inputs = (int)(tape->parameters - tape->registers),
+                           .count = tape->register_count, .registers = jets->registers, .stale = 1};
+}
+
 void lag_jets_refresh(lag_jet_tape *jets)
 {
     if (!jets->stale)

@@ -36,6 +36,9 @@ typedef struct {
 /* Allocate the registers of a bound tape of `program`. Its parameters are the last `np` inputs. */
 void lag_jets_bind(lag_jet_tape *jets, lag_pool *pool, const lag_tape *tape, const lag_program *program, int np);
 
+/* Use registers that are allocated for another bound tape; without `used`. */
+void lag_jets_of_tape(lag_jet_tape *jets, const lag_tape *tape);
+
 /* The jet of input i, to be set before lag_jets_run. */
 static inline lag_interval *lag_jet_input(const lag_jet_tape *jets, int i)
 {
