@@ -395,7 +395,7 @@ void lag_reject_step(lag_run *run, const double *errors)
     const double rtol = run->settings.rtol, *y = run->step.y, *z = run->step.y_new, *atol = run->tolerances.atol;
     double most = 0.0;
     lag_be_strict(run);
-    for (int m = 0; m <= 2 * run->system.nq; ++m) {
+    for (int m = 0; m < 2 * run->system.nq; ++m) {
         const double error = fabs(errors[m]) / (atol[m] + rtol * fmax(fabs(y[m]), fabs(z[m])));
         if (error > most) {
             most = error;

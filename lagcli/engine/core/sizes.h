@@ -78,7 +78,7 @@ int lag_excuse_rounding(lag_run *run, double h, int attempt, lag_propagation *pr
  * choose the next step. Returns whether any were raised. */
 int lag_scale_rounding(lag_run *run, double factor);
 
-/* Reject a step: take back that its tolerances were raised, and keep which entry of its errors, 2 nq + 1 of any one
+/* Reject a step: take back that its tolerances were raised, and keep which entry of its errors, 2 nq of any one
  * factor, is the largest beside its tolerance. */
 void lag_reject_step(lag_run *run, const double *errors);
 

@@ -114,8 +114,10 @@ static int step(lag_run *run)
             for (int attempt = 0; (error > 1.0 || (flat && !run->tolerances.raised)) && attempt < ATTEMPTS; ++attempt)
                 if (lag_excuse_rounding(run, h, attempt, NULL))
                     error = error_of(run, h, &e5, &e3);
-            if (error > 1.0)
-                lag_reject_step(run, run->step.work); /* the estimate of third order */
+            if (error > 1.0) {
+                error_by(run, &dop_e5);
+                lag_reject_step(run, run->step.work);
+            }
             if (error <= 1.0) {
                 if (run->stiffness.detecting)
                     look_for_stiffness(run, h, run->step.trial, notable);
