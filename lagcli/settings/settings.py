@@ -55,8 +55,8 @@ class _Declared:
         check=positive,
     )
     method = Choice[str](
-        "Integration method: auto begins with DOP853 and continues with Taylor (power series) if"
-        " that pays, and with Rodas5P or Radau if the motion is stiff.",
+        "Integration method: auto begins with DOP853 and continues with Rodas5P or Radau if the"
+        " motion is stiff.",
         "auto",
         choices=METHOD_NAMES,
     )

@@ -13,7 +13,6 @@ from trees import ROPE, pendulum, random_tree, rope
 import lagcli
 from lagcli.engine.integrate import prepared
 from lagcli.engine.integrate import run as single_runs
-from lagcli.engine.integrate.prices import Prices
 from lagcli.equations.derivation import lagrange
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +28,7 @@ def always(monkeypatch):
     monkeypatch.setattr(prepared, "SHORT", 0)
     monkeypatch.setattr(prepared, "SHORTER", np.inf)
     monkeypatch.setattr(prepared.Prepared, "worth_unrolling", False)
-    monkeypatch.setattr(Prices, "steps_to_unroll", 3)
+    monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 3)
 
 
 def in_use(monkeypatch):
@@ -73,7 +72,7 @@ def test_motion_of_a_pendulum_of_links(n, always, monkeypatch):
 
 def test_energy_of_many_links(monkeypatch):
     used = in_use(monkeypatch)
-    monkeypatch.setattr(Prices, "steps_to_unroll", 20)
+    monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 20)
     model = lagcli.load(PENDULUM, set={"N": 100, "theta_0": "60 deg"})
     run = lagcli.simulate(model, t_end=0.2, samples=21)
     assert [made.recursive for made in used] == [False, True]
@@ -111,11 +110,11 @@ def test_implicit_methods_take_m_from_the_other_tape(method, always, monkeypatch
 def test_a_force_that_changes_its_law(always, monkeypatch):
     """The beam's force ends at t = π; the branches of comparisons are frozen within steps."""
     used = in_use(monkeypatch)
-    monkeypatch.setattr(Prices, "steps_to_unroll", 50)
+    monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 50)
     model = lagcli.load(BEAM, set={"n": 8})
     run = lagcli.simulate(model, t_end=3.5, samples=8, rtol=1e-10, method="DOP853")
     assert used[-1].recursive
-    monkeypatch.setattr(Prices, "steps_to_unroll", 10**9)
+    monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 10**9)
     expected = lagcli.simulate(model, t_end=3.5, samples=8, rtol=1e-10, method="DOP853")
     assert not used[-1].recursive
     np.testing.assert_allclose(run.q, expected.q, rtol=0, atol=1e-8)

@@ -67,7 +67,6 @@ typedef struct {
 /* dop853.c: whether stability, not the order's accuracy, limits the steps. */
 typedef struct {
     int detecting;                     /* whether to detect stiffness */
-    double rate;                       /* about the magnitude of the dominant eigenvalue, 1/s */
     int stiff, not_stiff;              /* consecutive steps that were so */
 } lag_stiffness;
 
@@ -167,7 +166,6 @@ typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
     double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
-    int64_t examined;                  /* number of states whose least pivot was computed, or would be by Taylor's method */
     double suspect[2];                 /* part of the last step in which B may lose rank: from 0 to 1 */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     lag_path path;

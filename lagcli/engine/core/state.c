@@ -125,7 +125,6 @@ static void tolerances(lag_archive *a, lag_run *run)
     number(a, &t->noise_until);
     number(a, &t->since);
     number(a, &t->again);
-    real(a, &run->stiffness.rate);
     lag_archive_int(a, &run->stiffness.stiff, 0, INT32_MAX / 2);
     lag_archive_int(a, &run->stiffness.not_stiff, 0, INT32_MAX / 2);
     real(a, &run->baumgarte.alpha);
@@ -167,7 +166,6 @@ static void watch(lag_archive *a, lag_run *run)
                      &path->t, &path->length, &path->speed, &path->margin, &path->margin_at_end, &d->begin};
     int last = path->entries == path->last, by = (int)d->by;
     reals(a, one, LENGTH(one), 1);
-    number(a, &w->examined);
     lag_archive_int(a, &w->mode, LAG_IGNORE, LAG_STOP);
     flag(a, &w->approaching);
     flag(a, &path->exceeded);

@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from lagcli.engine.constraints.index1 import Index1
     from lagcli.engine.constraints.projection import Projection
     from lagcli.engine.constraints.singular import Ahead, Crossing, RankWatch
-    from lagcli.engine.integrate.prices import Prices
     from lagcli.engine.linear.elimination import Elimination
     from lagcli.engine.taylor.series import SeriesProgram
 
@@ -62,6 +61,9 @@ _MOST_SECONDS = 1e-6
 _GROWTH = 16
 #: Durations of a run: times so far from 0 lack digits of those of its steps.
 _FAR = 1e3
+#: Steps after which an elimination is unrolled, or the recursive form taken: its program costs as
+#: much as it saves in 450 to 700 of them (a ring of 100, a chain of 100, a net of rods).
+PROGRAM_STEPS = 500
 #: Number of states for an order of elimination; after that, failures use the dense solution.
 _MOST_STATES = 20
 #: The coordinate that changes fastest, over what the start and its velocities cover, from which
@@ -108,7 +110,6 @@ class Integration:
         self.states: list[State] = [request.state]
         recursive = system.recursive_form is not None and not self.redundant
         self.may_recur = recursive and not for_batch
-        self._priced: Prices | None = None
         prepared = self.prepared()
         self.core = self.integrator(prepared.constraint, self.problem())
         if system.tangent is not None:
@@ -117,8 +118,7 @@ class Integration:
             self.core.use_tangent(prepared.tangent, blocks, complete)
         self.use(prepared)
         self.reordered = math.nan
-        expand = self.go_on_with_series if self.suits_series and not for_batch else None
-        self.methods = Methods(self.core, system, request, self.prices, self.no_series, expand)
+        self.methods = Methods(self.core, system, request, self.no_series)
         explicit = self.explicit_time()
         if explicit is not None:
             self.core.resolve_time(explicit)
@@ -215,7 +215,7 @@ class Integration:
         self.unroll_at = math.inf
         recurs = self.may_recur and not prepared.unrolled and prepared.elimination is not None
         if prepared.worth_unrolling or recurs:
-            self.unroll_at = self.core.counts[0] + self.prices().steps_to_unroll
+            self.unroll_at = self.core.counts[0] + PROGRAM_STEPS
         self.no_series = self.expand(prepared) if self.series else ""
 
     def for_long_runs(self) -> Prepared:
@@ -235,34 +235,6 @@ class Integration:
         if prepared.recursive:
             assert prepared.plain is not None
             self.core.use_equations(prepared.plain)
-
-    @property
-    def suits_series(self) -> bool:
-        """Whether `auto` may change to Taylor's method."""
-        settings, prepared = self.settings, self.in_use
-        chosen = settings.method == "auto" and settings.formulation != "baumgarte"
-        whole = self.system.tangent is None and self.system.switching is None
-        short = (prepared.unrolled and not prepared.recursive) or prepared.worth_unrolling
-        return chosen and whole and short
-
-    def go_on_with_series(self) -> str:
-        """Prepare Taylor's method during the run; return why there are no power series."""
-        self.series = True
-        if self.in_use.unrolled:
-            self.no_series = self.expand(self.in_use)
-        else:
-            self.use(unrolled(self.system, self.in_use))
-        self.series = not self.no_series
-        return self.no_series
-
-    def prices(self) -> Prices:
-        """Return the prices of the methods."""
-        if self._priced is None or self._priced.prepared is not self.in_use:
-            from lagcli.engine.integrate.prices import Prices
-            from lagcli.engine.taylor.sizes import order_for
-
-            self._priced = Prices(self.system, self.in_use, order_for(self.settings.rtol))
-        return self._priced
 
     def expand(self, prepared: Prepared) -> str:
         """Prepare Taylor's method; return why there are no power series, if there are none."""

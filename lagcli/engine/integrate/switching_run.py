@@ -214,11 +214,6 @@ class SwitchingIntegration(Integration):
         ):
             kept.keep(self.core, self.in_use, *self.made_of)
 
-    @property
-    def suits_series(self) -> bool:
-        """Whether `auto` may change to Taylor's method: not in steps that instants cut short."""
-        return False
-
     def start_changes(self) -> Array | None:
         """Return the derivatives of q and v at the start, (n, 2 nq), if there are any."""
         return None

@@ -39,8 +39,8 @@ static void look_for_stiffness(lag_run *run, double h, const double *before, int
     const double *atol = run->tolerances.atol, rtol = run->settings.rtol;
     const double rise = v->scaled_square(moving, df, y, z, atol, rtol);
     const double length = v->scaled_square(moving, dy, y, z, atol, rtol);
-    run->stiffness.rate = length > 0.0 ? sqrt(rise / length) : 0.0;
-    if (flat || h * run->stiffness.rate > STABLE) {
+    const double rate = length > 0.0 ? sqrt(rise / length) : 0.0;
+    if (flat || h * rate > STABLE) {
         run->stiffness.not_stiff = 0;
         ++run->stiffness.stiff;
     } else if (++run->stiffness.not_stiff == NOT_STIFF) {

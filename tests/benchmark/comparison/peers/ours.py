@@ -127,7 +127,6 @@ def _note_preparations() -> None:
     """Note the time of preparations from now on: in this process, which times nothing else."""
     for owner, name in (
         (Integration, "ready"),
-        (Integration, "go_on_with_series"),
         (run_module, "unrolled"),
         (Methods, "_go_on"),
     ):

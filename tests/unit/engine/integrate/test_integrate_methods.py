@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,6 @@ import pytest
 from pendulum_by_hand import pendulum_system, request
 
 from lagcli.engine.integrate.methods import Methods
-from lagcli.engine.integrate.prepared import prepare
-from lagcli.engine.integrate.prices import Prices
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Tape
 
@@ -21,11 +18,10 @@ class Core:
     """Stands for the core: its steps, its state, and the methods that it was switched to."""
 
     def __init__(self) -> None:
-        self.steps, self.evaluations, self.examined = 0, 0, 0
+        self.steps = 0
         self.t_old, self.t = -1e-3, 0.0
         self.state = np.zeros(5)
         self.absolute_tolerances = np.full(5, 1e-9)
-        self.rate = 0.0
         self.switched: list[str] = []
         self.prepared = 0
 
@@ -38,7 +34,6 @@ class Core:
     def go(self, steps: int, size: float) -> None:
         """Take some steps of a size."""
         self.steps += steps
-        self.evaluations += 3 * steps
         self.t += steps * size
         self.t_old = self.t - size
 
@@ -55,18 +50,13 @@ def methods(
     core: Core,
     no_series: str = "",
     derivatives: bool = True,
-    expand: Callable[[], str] | None = None,
     **changes: Any,
 ) -> Methods:
     system: System = pendulum_system()
     if derivatives:
         system = dataclasses.replace(system, variation=variation)
     changes = {"method": "auto", "t_end": 1e3, **changes}
-
-    def prices() -> Prices:
-        return Prices(system, prepare(system, None), 17)
-
-    return Methods(core, system, request(**changes), prices, no_series, expand)
+    return Methods(core, system, request(**changes), no_series)
 
 
 def test_explicit_methods_need_no_derivatives() -> None:
@@ -193,87 +183,6 @@ def test_after_many_steps_a_smooth_path_is_tried_implicitly(rough: float, expect
             core.go(3, 1e-3)
 
 
-def reviewed(found: Methods, core: Core, steps: int, size: float) -> None:
-    """Take steps, with the reviews that are due."""
-    end = core.steps + steps
-    while core.steps < end:
-        core.go(min(found.most_steps(core.steps), end - core.steps), size)
-        found.count(core.steps)
-        found.review(core.report)
-
-
-def test_taylor_continues_if_it_pays() -> None:
-    core = Core()
-    found = methods(core, expand=lambda: "")
-    reviewed(found, core, 32, 1e-3)
-    assert (found.running, core.switched) == ("Taylor", ["Taylor"])
-    assert found.choice() == (
-        "Taylor of order 17 from t = 0.032 s"
-        " (smooth motion: about 4.1 times cheaper per second than DOP853)"
-    )
-    assert found.message() == ""
-    reviewed(found, core, 500, 2e-3)
-    assert found.used == ("DOP853", "Taylor")
-
-
-def test_a_run_that_is_soon_over_expands_nothing() -> None:
-    core = Core()
-    found = methods(core, expand=lambda: pytest.fail("prepared without need"), t_end=1.0)
-    reviewed(found, core, 990, 1e-3)
-    assert found.running == "DOP853"
-    assert found.choice() == "DOP853 (too few steps for the preparation of another method)"
-
-
-def test_there_is_no_change_to_a_method_that_does_not_suit() -> None:
-    core, asked = Core(), list[int]()
-
-    def expand() -> str:
-        asked.append(core.steps)
-        return "they are too long"
-
-    found = methods(core, expand=expand)
-    reviewed(found, core, 500, 1e-3)
-    assert (found.running, asked) == ("DOP853", [32])
-    assert found.choice() == "DOP853 (no power series: they are too long)"
-
-
-def test_steps_near_singular_configurations_keep_dop853() -> None:
-    core = Core()
-    found = methods(core, expand=lambda: pytest.fail("prepared without need"))
-    for _ in range(32):
-        core.examined += 40
-        reviewed(found, core, 1, 1e-3)
-    assert found.running == "DOP853"
-    assert "Taylor's method would cost" in found.choice()
-
-
-def test_taylor_gives_way_if_its_steps_cost_more_than_expected() -> None:
-    core = Core()
-    found = methods(core, expand=lambda: "", derivatives=False)
-    reviewed(found, core, 32, 1e-3)
-    core.examined += 5000
-    reviewed(found, core, 30, 1e-3)
-    assert found.running == "DOP853"
-    reviewed(found, core, 500, 1e-3)
-    assert core.switched == ["Taylor", "DOP853"]
-    assert found.choice().endswith("DOP853 from t = 0.062 s (steps of Taylor's method cost more)")
-
-
-@pytest.mark.parametrize(
-    ("rate", "expected"),
-    # times steps of 1e-3: DOP853 is stable up to 6.1
-    [(0.0, "Taylor"), (1.0, "Taylor"), (7e3, "Radau")],
-)
-def test_stiff_forces(rate: float, expected: str) -> None:
-    core = Core()
-    found = methods(core, expand=lambda: "")
-    core.go(20, 1e-3)
-    found.count(core.steps)
-    core.rate = rate
-    found.stiff()
-    assert found.running == expected
-
-
 def test_no_derivatives_where_they_cost_more_than_the_steps_left() -> None:
     core = Core()
     found = methods(core, t_end=5.0)  # 5000 steps, of a microsecond
@@ -281,13 +190,3 @@ def test_no_derivatives_where_they_cost_more_than_the_steps_left() -> None:
     found.count(core.steps)
     found.stiff()
     assert (found.running, core.prepared) == ("DOP853", 0)
-
-
-def test_an_implicit_method_in_vain_gives_way_to_taylor() -> None:
-    core = Core()
-    found = methods(core, expand=lambda: "")
-    reviewed(found, core, 40, 1e-3)
-    found.stiff()
-    assert found.running == "Radau"
-    reviewed(found, core, 30, 1e-4)
-    assert (found.running, found.used) == ("Taylor", ("DOP853", "Taylor"))

@@ -12,7 +12,7 @@ import pytest
 from oracle import motion
 
 import lagcli
-from lagcli.engine.integrate.prices import Prices
+from lagcli.engine.integrate import run as single_runs
 from lagcli.engine.integrate.run import Integration
 from lagcli.errors import UsageError
 from lagcli.simulations.simulation import prepare as prepare_simulation
@@ -208,7 +208,7 @@ def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
     model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
     looped = lagcli.simulate(model, method="DOP853", samples=11)
     assert not counted["unroll"]
-    monkeypatch.setattr(Prices, "steps_to_unroll", 10)
+    monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 10)
     changed = [lagcli.simulate(model, method="DOP853", samples=11) for _ in range(2)]
     assert counted["unroll"] == 2
     np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
@@ -217,17 +217,16 @@ def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
 
 
 def test_when_an_elimination_is_unrolled_depends_on_the_model():
-    def unrolling(path: Path, **values: str) -> tuple[float, Integration]:
+    def unrolling(path: Path, **values: str) -> float:
         simulation = prepare_simulation(lagcli.load(path, set=values))
         run = Integration(simulation.system, simulation.request, lambda block: None, None)
-        return run.unroll_at, run
+        return run.unroll_at
 
     chain = MODELS[0].parent / "chain.yaml"
-    steps, run = unrolling(chain, N="100")
-    assert steps == run.prices().steps_to_unroll
-    assert 200 < steps < 1000  # measured: 601
-    assert unrolling(chain)[0] == math.inf  # unrolled from the start
-    assert unrolling(FOUND / "door_two_hinges.yaml")[0] == math.inf  # solved densely
+    steps = unrolling(chain, N="100")
+    assert steps == single_runs.PROGRAM_STEPS
+    assert unrolling(chain) == math.inf  # unrolled from the start
+    assert unrolling(FOUND / "door_two_hinges.yaml") == math.inf  # solved densely
 
 
 def test_a_new_order_takes_over_the_other_programs(counted):
