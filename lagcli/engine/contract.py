@@ -150,8 +150,8 @@ class Outcome:
 
     ``undefined`` is the state at which the equations were not finite, if that ended the run;
     ``constraints`` are the constraints that ended it because they have no gradient at the
-    initial state. ``methods`` are the methods that took steps, and ``choice`` states why, if
-    `auto` chose. ``tolerances`` are the final absolute tolerances of q, v and the work, (2 nq +
+    initial state. ``methods`` are the methods that took steps, and ``choice`` states why `auto`
+    changed them. ``tolerances`` are the final absolute tolerances of q, v and the work, (2 nq +
     1,). ``events`` are the log entries, in order, of a System that switches, and ``modes`` the
     modes of the switched rows at the initial state: those at a sample are the modes after the last
     entry up to its time.
