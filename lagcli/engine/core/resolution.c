@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "bind.h"
+#include "dense_jets.h"
 
 #define BEND 1.2            /* of the largest value: how far a function may bend away from its tangent in half a step */
 #define AHEAD 16.0          /* steps for which a limit is computed at once, at first; ... */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "bind.h"
-#include "dense_points.h"
+#include "dense_jets.h"
 #include "methods/method.h"
 #include "solution.h"
 #include "step.h"

@@ -1,4 +1,4 @@
-#include "dense_points.h"
+#include "dense_jets.h"
 
 #include <float.h>
 #include <math.h>
