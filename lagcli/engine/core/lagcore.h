@@ -263,6 +263,7 @@ typedef struct {
     int64_t times_next;                /* the next sample time */
     double t_bad;                      /* if a status refers to another state: its time ... */
     const double *y_bad;               /* ... and the state */
+    int64_t examined;                  /* states whose distance from singular configurations was computed */
     double suspect_from, suspect_to;   /* after LAG_OVER: part of the last step in which B may lose rank */
     int limiting;                      /* the entry of y whose error rejected a step last; -1: none */
 } lag_report;

@@ -40,6 +40,7 @@ void lag_report_of(const lag_run *run, lag_report *report)
         .steps = run->step.steps, .rejected = run->step.rejected,
         .evaluations = run->step.evaluations, .times_next = run->samples.next,
         .t_bad = run->failure.t, .y_bad = run->failure.y,
+        .examined = run->watch.examined,
         .suspect_from = run->step.t_old + run->watch.suspect[0] * run->step.h_old,
         .limiting = run->tolerances.limiting,
         .suspect_to = run->step.t_old + run->watch.suspect[1] * run->step.h_old,

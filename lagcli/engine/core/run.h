@@ -166,6 +166,7 @@ typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
     double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
+    int64_t examined;                  /* states whose least pivot was computed, or would be without the determinant */
     double suspect[2];                 /* part of the last step in which B may lose rank: from 0 to 1 */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     lag_path path;

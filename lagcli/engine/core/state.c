@@ -166,6 +166,7 @@ static void watch(lag_archive *a, lag_run *run)
                      &path->t, &path->length, &path->speed, &path->margin, &path->margin_at_end, &d->begin};
     int last = path->entries == path->last, by = (int)d->by;
     reals(a, one, LENGTH(one), 1);
+    number(a, &w->examined);
     lag_archive_int(a, &w->mode, LAG_IGNORE, LAG_STOP);
     flag(a, &w->approaching);
     flag(a, &path->exceeded);

@@ -186,6 +186,7 @@ class lag_report(Structure):
         *each(c_int64, "steps rejected evaluations times_next"),
         ("t_bad", c_double),
         ("y_bad", Doubles),
+        ("examined", c_int64),
         *each(c_double, "suspect_from suspect_to"),
         ("limiting", c_int),
     ]

@@ -122,6 +122,7 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     double *products = run->rows.components;
     if (run->rows.rank == 0)
         return 1.0;
+    ++run->watch.examined;
     if (by_determinant(run))
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     lag_evaluate(&s->constraint, s, t, y, LAG_VELOCITIES);
@@ -453,8 +454,10 @@ int lag_stepped_over(lag_run *run)
     path->exceeded = path->length >= path->margin + path->margin_at_end;
     if (!path->exceeded)
         return 0;
-    if (run->watch.determinant.kept && is_smooth_at_stages(run))
+    if (run->watch.determinant.kept && is_smooth_at_stages(run)) {
+        run->watch.examined += SEARCHED;
         return 0;
+    }
     run->watch.suspect[0] = 0.0;
     run->watch.suspect[1] = 1.0;
     return dips(run, end);
