@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import lagcli
+from lagcli.arrays import Array
 from lagcli.engine.integrate.batch import Finished, prepare_batch, run_batch, suits_batch
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_model
@@ -211,6 +213,42 @@ simulation: {{t_end: 20, samples: 21}}
     parts = np.array([np.sin(w * run.time) / w if w > 1e-6 else run.time for w in rates])
     expected = (modes @ (modes[0][:, None] * parts)).T
     np.testing.assert_allclose(run.q, expected, rtol=0, atol=DIGITS * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau", "auto"])
+@pytest.mark.parametrize("stiffness", [1e6, 1e7])
+def test_stiff_springs_feel_the_rounding_of_positions(stiffness: float, method: str) -> None:
+    """Masses in a row fall, and their springs pull along it. A position of 1 m is known to 1e-16 m,
+    with which the stiffest springs change the velocities by more than these have been so far."""
+    n = 20
+    spring = "sqrt((x[i] - x[i-1])^2 + (y[i] - y[i-1])^2) - 0.1"
+    model = lagcli.load_text(f"""
+parameters: {{N: {n}, k: {stiffness}}}
+coordinates: {{"x[1..N]": , "y[1..N]": }}
+definitions: {{"x[0]": 0, "y[0]": 0}}
+T: sum(x[i]'^2 + y[i]'^2, i = 1..N)/2
+V: sum(9.81*y[i] + k/2*({spring})^2, i = 1..N)
+initial: {{"x[i = 1..N]": 0.1*i, "x[1..N]'": 0, "y[1..N]": 0, "y[1..N]'": 0}}
+simulation: {{t_end: 0.02, samples: 3}}
+""")
+    run = completed(model, method=method)
+    assert run.counts["steps"] < 3000
+
+    def rates(t: float, state: Array) -> Array:
+        """The rates of positions and of velocities, as complex numbers."""
+        z, v = state.reshape(2, n)
+        arms = np.diff(z, prepend=0)
+        pull = stiffness * (np.abs(arms) - 0.1) * arms / np.abs(arms)
+        return np.concatenate([v, np.append(pull[1:], 0) - pull - 9.81j])
+
+    start = np.zeros(2 * n, dtype=complex)
+    start[:n] = 0.1 * np.arange(1, n + 1)
+    exact = solve_ivp(rates, (0, 0.02), start, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    for found, expected in ((run.q[-1], exact[:n]), (run.v[-1], exact[n:])):
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(
+            found, [*expected.real, *expected.imag], rtol=0, atol=DIGITS * scale
+        )
 
 
 def test_a_stopped_run_names_what_limits_its_steps() -> None:

@@ -186,23 +186,36 @@ static void forget_values(lag_run *run)
         run->system.equations.registers[0] = NAN;
 }
 
-/* y' at (t, y) with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding
- * modes, as WebAssembly, each number of the state is instead the next one below, or above. */
-static int derivative_by_side(lag_run *run, int side, double t, const double *y, double *f)
+/* The state with each number replaced by the next one below or above, on the side that the parity of its index's bits
+ * gives: neighbours, and those at equal distances, do not all move alike. */
+static const double *state_beside(lag_run *run, int side, const double *y)
+{
+    double *beside = run->tolerances.beside;
+    memcpy(beside, y, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int i = 0; i < 2 * run->system.nq; ++i) {
+        int above = side;
+        for (int bits = i; bits; bits &= bits - 1)
+            above = !above;
+        beside[i] = nextafter(beside[i], above ? INFINITY : -INFINITY);
+    }
+    return beside;
+}
+
+/* y' at (t, y) with rounding errors of one side: all operations are rounded down, or up; `rounded`: the state, too. Where
+ * a machine has no rounding modes, as WebAssembly, it always is. */
+static int derivative_by_side(lag_run *run, int side, int rounded, double t, const double *y, double *f)
 {
     forget_values(run); /* they are rounded differently */
 #if defined(FE_DOWNWARD) && defined(FE_UPWARD) && !defined(LAGCLI_NO_ROUNDING_MODES)
+    const double *state = rounded ? state_beside(run, side, y) : y;
     const int nearest = fegetround();
     fesetround(side ? FE_UPWARD : FE_DOWNWARD);
-    const int undefined = lag_derivative(run, t, y, f);
+    const int undefined = lag_derivative(run, t, state, f);
     fesetround(nearest);
     return undefined;
 #else
-    double *beside = run->tolerances.beside;
-    memcpy(beside, y, (size_t)lag_size(&run->system) * sizeof(double));
-    for (int i = 0; i < 2 * run->system.nq; ++i)
-        beside[i] = nextafter(beside[i], (side != i % 2) ? INFINITY : -INFINITY);
-    return lag_derivative(run, t, beside, f);
+    (void)rounded;
+    return lag_derivative(run, t, state_beside(run, side, y), f);
 #endif
 }
 
@@ -224,12 +237,13 @@ static void count_power(lag_run *run, double *f)
     run->tolerances.acceleration_terms[s->nq] = power;
 }
 
-/* The difference between y' at (t, y) rounded up and rounded down, to f. Returns 0, or 1 where y' is undefined. */
-static int difference_of_sides(lag_run *run, double t, const double *y, double *f)
+/* The difference between y' at (t, y) rounded up and rounded down, to f; `rounded`: with the state. Returns 0, or 1 where
+ * y' is undefined. */
+static int difference_of_sides(lag_run *run, int rounded, double t, const double *y, double *f)
 {
     const int n = lag_size(&run->system);
     double *down = run->tolerances.down;
-    const int undefined = derivative_by_side(run, 0, t, y, down) | derivative_by_side(run, 1, t, y, f);
+    const int undefined = derivative_by_side(run, 0, rounded, t, y, down) | derivative_by_side(run, 1, rounded, t, y, f);
     forget_values(run);
     for (int m = 0; m < n; ++m)
         f[m] = fabs(f[m] - down[m]);
@@ -253,8 +267,8 @@ static lag_jet_tape *enclosed_tape(lag_run *run, int solves)
     return e->capacity ? &e->jets : NULL;
 }
 
-/* Bounds of the rounding errors of accelerations at (t, y): those of a_i, or of f_i over M_ii where no tape solves; to
- * `bounds`. Returns 0, or 1 where there are none. */
+/* Bounds of the rounding errors of accelerations at (t, y), whose numbers are rounded, too: those of a_i, or of f_i over
+ * M_ii where no tape solves; to `bounds`. Returns 0, or 1 where there are none. */
 static int enclose_rounding(lag_run *run, double t, const double *y, double *bounds)
 {
     const lag_system *s = &run->system;
@@ -265,7 +279,7 @@ static int enclose_rounding(lag_run *run, double t, const double *y, double *bou
     lag_jets_refresh(jets);
     for (int i = 0; i <= 2 * nq; ++i) {
         const double x = i ? y[i - 1] : t;
-        lag_jet_input(jets, i)[0] = (lag_interval){x, x};
+        lag_jet_input(jets, i)[0] = i ? (lag_interval){nextafter(x, -INFINITY), nextafter(x, INFINITY)} : (lag_interval){x, x};
     }
     lag_jets_run(jets, 0);
     for (int i = 0; i < nq; ++i) {
@@ -290,7 +304,7 @@ static int find_noise(lag_run *run, double t, const double *y, double *noise)
     const lag_tape *e = s->equations.registers ? &s->equations : &s->dynamics;
     const int nq = s->nq;
     double *bounds = run->tolerances.beside, sampled = 0.0, enclosed = 0.0;
-    if (difference_of_sides(run, t, y, noise))
+    if (difference_of_sides(run, 1, t, y, noise))
         return 1;
     const int bounded = !enclose_rounding(run, t, y, bounds);
     for (int i = 0; i < nq && bounded; ++i) {
@@ -410,7 +424,7 @@ void lag_sizes_start(lag_run *run)
     double *change = run->tolerances.change;
     run->tolerances.noise_until = 0;
     memset(run->tolerances.noise, 0, (size_t)lag_size(&run->system) * sizeof(double));
-    const int undefined = difference_of_sides(run, run->step.t, run->step.y, change);
+    const int undefined = difference_of_sides(run, 0, run->step.t, run->step.y, change);
     for (int i = 0; i < nq; ++i) {
         const double noise = undefined ? 0.0 : fabs(change[nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
