@@ -12,7 +12,7 @@ import sys
 
 from core_library import ROOT, CannotCompile, Compiler, build, core, zig
 
-#: The module, which wheels and source distributions contain.
+#: The module, which the repository, wheels and source distributions contain.
 MODULE = ROOT / "lagcli" / "live" / "assets" / "core.wasm"
 
 
@@ -45,5 +45,6 @@ class WasmCompiler(Compiler):
 if __name__ == "__main__":
     try:
         build(MODULE, WasmCompiler(*zig("wasm32-wasi")))
+        MODULE.chmod(0o644)
     except CannotCompile as error:
         sys.exit(str(error))

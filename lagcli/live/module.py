@@ -20,9 +20,9 @@ def module() -> bytes:
         It is not there, or not that of the core's library.
     """
     file = files("lagcli.live").joinpath("assets", _MODULE)
-    remedy = "install a wheel of lagcli, which has it"
-    if fingerprint.sources_are_here():
-        remedy = "run `make wasm` in the checkout, which compiles it"
+    remedy = "run `make wasm` in the checkout, which compiles it"
+    if not fingerprint.sources_are_here():
+        remedy += ", and install lagcli from there again"
     if not file.is_file():
         raise FileError(
             Diagnostic("core", "this installation has no core for pages (core.wasm)", help=remedy)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live import needs_core
 from page_checks import AXES, CONTRAST, TEXTS
 from shipped import every_model
 
@@ -22,7 +21,6 @@ DRAWN = "page.number > 0 && page.drawn === page.number"
 @pytest.fixture(scope="session")
 def pages(tmp_path_factory):
     """Return the page of a shipped model, made once."""
-    needs_core()
     folder = tmp_path_factory.mktemp("pages")
 
     def of(name, lang="en"):
@@ -180,7 +178,6 @@ def test_the_link_holds_the_values(pages, opened, until):
 
 def test_values_have_the_units_of_the_file(tmp_path, opened, until):
     """A frequency in rpm and an angle in degrees are given to the core in SI."""
-    needs_core()
     model = lagcli.load_text(
         "parameters: {m: 2 kg, l: 50 cm, omega: 60 rpm}\n"
         "coordinates: {phi: rad}\n"
@@ -224,7 +221,6 @@ presets:
 @pytest.fixture(scope="module")
 def swing(tmp_path_factory):
     """Return a model with presets, and its page."""
-    needs_core()
     path = tmp_path_factory.mktemp("presets") / "swing.yaml"
     path.write_text(PRESETS, encoding="utf-8")
     model = lagcli.load(path)
@@ -304,7 +300,6 @@ def test_presets_work_in_a_sandboxed_frame_by_keyboard_on_a_narrow_screen(
 
 
 def test_texts_of_a_model_are_not_markup(tmp_path, opened):
-    needs_core()
     model = lagcli.load_text(
         "name: </script><b>bold</b> & co\n"
         "description: '<img src=x onerror=alert(1)> </script>'\n"

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from live import needs_core
 from page_checks import CONTRAST, FIRST, FOCUSED, GRAPHICS, MOVING, PAPER, REACHABLE, TEXTS
 from programs import program
 from serving import serving
@@ -106,11 +105,9 @@ class Kinds:
         return page
 
     def live(self):
-        needs_core()
         return self.written("live", lagcli.live_page(lagcli.load("bouncing_ball")))
 
     def course(self):
-        needs_core()
         models = [lagcli.load(name) for name in ("slider_crank", "woodpecker")]
         return self.written("index", course(models)["index.html"])
 

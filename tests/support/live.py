@@ -13,23 +13,13 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.errors import FileError
 from lagcli.live.content import LiveContent, live_content
-from lagcli.live.module import module
 from lagcli.model.model import Model
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import prepare
 
 ASSETS = Path(lagcli.__file__).parent / "live" / "assets"
 RUNNER = Path(__file__).with_name("live_runs.mjs")
-
-
-def needs_core() -> None:
-    """Skip a test where the core for pages was not compiled."""
-    try:
-        module()
-    except FileError as error:
-        pytest.skip(str(error).splitlines()[0])
 
 
 class Live:
@@ -43,7 +33,6 @@ class Live:
     """
 
     def __init__(self, model: Model, folder: Path):
-        needs_core()
         if shutil.which("node") is None:
             pytest.skip("node is not installed")
         self.model, self.folder = model, folder

@@ -1,7 +1,8 @@
 """The core's library: its path, its sources, and their fingerprint.
 
-The build stores the fingerprint in the library, and `lagcli.engine.core.library` compares it where
-the sources are there; so this module imports only the standard library.
+The build stores the fingerprint in the library and in the module of pages, and
+`lagcli.engine.core.library` compares it where the sources are there; so this module imports only
+the standard library at its top.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 CORE = Path(__file__).parent
 _PACKAGE = CORE.parents[1]
 
-#: Headers that `lagcli.engine.core.headers` generates: the modules that it reads are sources.
+#: Headers that `lagcli.engine.core.headers` generates.
 GENERATED = ("tables.h", "layout.h", "settings.h")
 
 
@@ -27,11 +28,16 @@ def library_in(folder: Path, system: str = sys.platform) -> Path:
 
 
 def c_files(suffix: str | tuple[str, ...] = ".c") -> list[str]:
-    """Return the paths of the core's files with a suffix, in order."""
+    """Return the paths of the core's files with a suffix, in the same order on every system."""
     paths = []
     for folder, _, names in os.walk(CORE):
         paths += [os.path.join(folder, name) for name in names if name.endswith(suffix)]
-    return sorted(paths)
+    return sorted(paths, key=lambda path: path.replace(os.sep, "/"))
+
+
+def _written() -> list[str]:
+    """Return the paths of the files in C that are written by hand."""
+    return [path for path in c_files((".c", ".h")) if not path.endswith(GENERATED)]
 
 
 def _tables() -> list[str]:
@@ -59,18 +65,21 @@ def sources_are_here() -> bool:
 
 
 def sources() -> list[str]:
-    """Return the paths of the library's sources, relative to the core."""
-    files = [path for path in c_files((".c", ".h")) if not path.endswith(GENERATED)]
-    return [os.path.relpath(path, CORE) for path in (*files, *_tables())]
+    """Return the paths of what the library can depend on, relative to the core."""
+    return [os.path.relpath(path, CORE) for path in (*_written(), *_tables())]
 
 
 def fingerprint() -> str:
-    """Return the fingerprint of the sources."""
+    """Return the fingerprint of what is compiled: the files in C and the generated headers."""
     import hashlib
 
+    from lagcli.engine.core.headers import headers
+
     digest = hashlib.sha256()
-    for path in sources():
-        digest.update((CORE / path).read_bytes() + b"\0")
+    for path in _written():
+        digest.update(Path(path).read_bytes() + b"\0")
+    for text in headers().values():
+        digest.update(text.encode() + b"\0")
     return digest.hexdigest()
 
 

@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import pytest
-from live import needs_core
 
 import lagcli
 from lagcli.cli.app import run
@@ -17,7 +16,6 @@ from lagcli.live.course import course
 def test_a_folder_has_a_page_of_each_model_and_an_index(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    needs_core()
     folder = tmp_path / "course"
     models = ["atwood", "newtons_cradle"]
     assert run(["export", *models, "-o", f"{folder}/", "--lang", "fr"]) == 0

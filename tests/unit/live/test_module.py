@@ -40,12 +40,17 @@ def test_an_installation_names_the_remedy_that_it_has(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Without the sources, as after `pip install .`: also an old module is not used silently."""
+    """Without the sources, as after `pip install .` of a checkout whose core was changed."""
     monkeypatch.setattr(live_module.fingerprint, "sources_are_here", lambda: False)
     for problem in ("no core for pages", "other sources"):
         assert run(["export", "atwood", "-o", str(tmp_path / "page.html")]) == 4
         printed = capsys.readouterr().err
         assert problem in printed
-        assert "install a wheel of lagcli" in printed
-        assert "make wasm" not in printed
+        assert "run `make wasm` in the checkout" in printed
+        assert "install lagcli from there again" in printed
         (assets / "core.wasm").write_bytes(b"\0asm of other sources")
+
+
+def test_the_module_is_that_of_the_sources() -> None:
+    """It is committed: a change of the core needs `make wasm`."""
+    assert live_module.module().startswith(b"\0asm")

@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import pytest
-from live import needs_core
 
 import lagcli
 from lagcli.cli.app import run
@@ -32,7 +31,6 @@ def content(text: str) -> dict:
 
 
 def test_the_same_model_gives_the_same_page() -> None:
-    needs_core()
     one, other = (lagcli.live_page(lagcli.load_text(MODEL)) for _ in range(2))
     assert one == other
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', one)
@@ -43,7 +41,6 @@ def test_the_same_model_gives_the_same_page() -> None:
 
 
 def test_the_page_of_a_run_has_its_values_and_settings(tmp_path: Path) -> None:
-    needs_core()
     model = tmp_path / "pendulum.yaml"
     model.write_text(MODEL, encoding="utf-8")
     result, page = tmp_path / "run.h5", tmp_path / "run.html"
@@ -63,7 +60,6 @@ def test_the_page_of_a_run_has_its_values_and_settings(tmp_path: Path) -> None:
 
 
 def test_the_page_of_a_run_has_its_number_of_members(tmp_path: Path) -> None:
-    needs_core()
     result, page = tmp_path / "run.h5", tmp_path / "run.html"
     assert run(["simulate", "chain", "--set", "N=3", "-o", str(result), "-q"]) == 0
     assert run(["report", str(result), "--live", "-o", str(page), "-q"]) == 0
@@ -85,7 +81,6 @@ def test_a_mistake_has_a_remedy(
 
 
 def test_structural_parameters_and_singular_motions_are_left_to_lagcli() -> None:
-    needs_core()
     chain = content(lagcli.live_page(lagcli.load("chain")))
     assert "N" not in {control["name"] for control in chain["hello"]["controls"]}
     failing = lagcli.load_text(MODEL.replace("m*9.81*y", "m*9.81*l*log(x/l)"))
