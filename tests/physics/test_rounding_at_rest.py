@@ -215,6 +215,26 @@ simulation: {{t_end: 20, samples: 21}}
     np.testing.assert_allclose(run.q, expected, rtol=0, atol=DIGITS * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_what_balances_beside_what_moves_stays_at_rest(method: str) -> None:
+    run = completed(lagcli.load(FOUND / "spin_pend.yaml"), method=method)
+    np.testing.assert_allclose(run.q[:, 0], np.sin(2 * run.time) / 2, rtol=0, atol=DIGITS)
+    np.testing.assert_allclose(run.q[:, 2], run.time, rtol=0, atol=DIGITS * run.time[-1])
+    assert np.abs(run.q[:, 1]).max() < ROUNDING
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_cart_with_symmetric_pendulums_stays_at_rest(method: str) -> None:
+    run = completed(lagcli.load(FOUND / "sym_pend.yaml"), method=method)
+    swing = solve_ivp(
+        lambda t, y: (y[1], -9.81 / 0.7 * math.sin(y[0])),
+        (0, 5), (0.5, 0), "DOP853", run.time, rtol=1e-12, atol=1e-14,
+    ).y[0]  # fmt: skip
+    np.testing.assert_allclose(run.q[:, 1], swing, rtol=0, atol=DIGITS)
+    np.testing.assert_allclose(run.q[:, 2], -swing, rtol=0, atol=DIGITS)
+    assert np.abs(run.q[:, 0]).max() < ROUNDING
+
+
 @pytest.mark.parametrize("method", ["DOP853", "Radau", "auto"])
 @pytest.mark.parametrize("stiffness", [1e6, 1e7])
 def test_stiff_springs_feel_the_rounding_of_positions(stiffness: float, method: str) -> None:
