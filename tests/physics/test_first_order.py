@@ -366,3 +366,31 @@ initial: {{x: 0, x': 0, {guesses}}}
         matrix[1:, 1] -= g
         found = lagcli.equilibrium(lagcli.load_text(text)).equilibria[0]
         assert np.allclose(found.operating_point.point.q, solve(matrix, right), atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "initial", "steady"),
+    [
+        ("B*x*y' - k/2*(x^2 + y^2)", "x: 1, y: 0", False),  # circles
+        ("B*x*y' - k/2*(x^2 + y^2)", "x: 0, y: 0", True),
+        ("B*x*y' - k/2*((x - 0.3)^2 + (y - 0.1)^2)", "x: 0.3, y: 0.1", True),
+        ("B*x*y' + k*x", "x: 1, y: 0", True),  # drifts at a constant velocity
+        ("B*x*y' + m/2*z'^2 - k/2*(x^2 + y^2)", "x: 1, y: 0, z: 0, z': 1", False),
+        ("B*x*y' + m/2*z'^2 - k/2*(x^2 + y^2)", "x: 0, y: 0, z: 0, z': 1", True),
+    ],
+)
+def test_a_start_is_steady_where_first_order_velocities_are_constant(
+    lagrangian: str, initial: str, steady: bool
+) -> None:
+    """With no other velocities, all of which the equations determine, nothing else tells."""
+    names = "x, y, z" if "z" in lagrangian else "x, y"
+    text = f"""
+coordinates: [{names}]
+parameters: {{B: 2, k: 1.3, m: 1}}
+L: {lagrangian}
+initial: {{{initial}, x': {{guess: 0}}, y': {{guess: 0}}}}
+"""
+    model = lagcli.load_text(text)
+    assert lagcli.check(model).steady is steady
+    notes = lagcli.modes(model).linear_model.notes
+    assert any("at this instant only" in note for note in notes) is not steady

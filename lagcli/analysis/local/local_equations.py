@@ -28,7 +28,7 @@ from lagcli.engine.scales import LEAST_PART, largest, row_lengths
 from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import NumericalError
-from lagcli.model.model import Model
+from lagcli.model.model import RATE, Model
 from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:
@@ -332,8 +332,11 @@ class LocalEquations(DerivedModel):
     def is_steady(self, point: Point, tangent: Tangent) -> bool:
         """Whether the independent velocities are constant, up to rounding errors.
 
-        Their accelerations vanish, and so do the derivatives of these.
+        Their accelerations vanish, and so do the derivatives of these. The equations of first-order
+        coordinates leave these no independent velocities; theirs must be constant, too.
         """
+        if not self._first_order_steady(point, tangent):
+            return False
         j = list(tangent.velocities)
         if not j:
             return True
@@ -347,6 +350,23 @@ class LocalEquations(DerivedModel):
             return False
         jerk, bound = self.jerk(point, tangent, force)
         return bool((np.abs(jerk[j]) <= bound[j]).all())
+
+    def _first_order_steady(self, point: Point, tangent: Tangent) -> bool:
+        """Whether the velocities of first-order coordinates are zero or constant."""
+        names = {c.name for c in self.model.constraints if c.of_coordinate}
+        i = [k for k, q in enumerate(self.model.coordinates) if q.name + RATE in names]
+        if not i:
+            return True
+        nq, nc = len(point.q), len(point.multipliers)
+        by_rate = np.abs(self.response(point, tangent)(np.zeros((nq, nc)), np.eye(nc))[0])
+        c = self.evaluator(point.p).constraints(point.t, point.q, point.v)
+        rounding = _BALANCED * (by_rate @ c.velocity_scale)
+        if (np.abs(point.v) <= rounding).all():
+            return True
+        rate = np.abs(point.v / self.lengths).max()
+        jerk, bound = self.jerk(point, tangent, self.force_scale(point))
+        constant = (np.abs(point.a) <= rate * rounding) & (np.abs(jerk) <= bound)
+        return bool(constant[i].all())
 
     def constant_velocities(self, point: Point) -> Indices:
         """Return the coordinates with constant velocities.
