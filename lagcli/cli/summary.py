@@ -14,7 +14,7 @@ from lagcli.arrays import Array
 from lagcli.cli.streams import visible, visible_json
 from lagcli.columns import RESIDUALS, ColumnName, impulse_unit, unit_of_column
 from lagcli.errors import LagcliError
-from lagcli.model.model import Model
+from lagcli.model.model import RATE, Model
 from lagcli.prose import counted
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
@@ -250,8 +250,13 @@ def _start(moved: Mapping[str, Sequence[float]], columns: int) -> list[str]:
 
 
 def _forces(summary: Mapping[str, Any], columns: int) -> list[str]:
-    """Return the lines on multipliers and impulses: smallest and largest values, and where."""
-    multipliers = {f"lambda.{n}": x for n, x in summary["multipliers"].items()}
+    """Return the lines on multipliers and impulses: smallest and largest values, and where.
+
+    Those of the equations of first-order coordinates, which are 0, are left out.
+    """
+    multipliers = {
+        f"lambda.{n}": x for n, x in summary["multipliers"].items() if not n.endswith(RATE)
+    }
     impulses = {f"impulse.{n}": x for n, x in summary["impulses"].items()}
     if not multipliers:
         return []
@@ -271,7 +276,7 @@ def _forces(summary: Mapping[str, Any], columns: int) -> list[str]:
 def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the drift of the monitored conserved quantities."""
     shown = [
-        f"{name} = {x['first']:.6g} within {x['drift']:.1e}"
+        f"{name} = {x['first'] + 0.0:.6g} within {x['drift']:.1e}"
         for name, x in islice(drifts.items(), _LISTED)
     ]
     if len(drifts) > _LISTED:

@@ -90,7 +90,7 @@ def monitor_of(equations: Equations, system: System, start: ConsistentState) -> 
         quantities = distinct(eq, system, start, partial(random_states, system, start), quantities)
     if not quantities:
         return NO_MONITOR
-    from lagcli.model.dimensions.deriving import symbolic_unit
+    from lagcli.equations.symmetry.units import conserved_unit
 
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     tape = compile_tape(
@@ -102,7 +102,7 @@ def monitor_of(equations: Equations, system: System, start: ConsistentState) -> 
     units = {
         str(ColumnName("conserved", conserved=q.name)): unit
         for q in quantities
-        if (unit := symbolic_unit(eq.model, q.expression)) is not None
+        if (unit := conserved_unit(eq.model, q)) is not None
     }
     return Monitor({q.name: q.in_momenta for q in quantities}, tape, units)
 

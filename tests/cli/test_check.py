@@ -196,3 +196,13 @@ def test_a_common_root_divides_the_virtual_displacements_once(lagcli, tmp_path):
     )
     _, out, _ = lagcli("check", file)
     assert "[(x − 1) δx + y δy]/norm([x − 1, y, 0]) = 0" in out
+
+
+def test_a_summary_leaves_out_the_multipliers_of_first_order_coordinates(lagcli):
+    """Their λ is 0; nor has a conserved quantity that is 0 a sign."""
+    status, out, err = lagcli("simulate", FOUND / "vortices.yaml", "--t-end", "0.1")
+    assert (status, err) == (0, "")
+    assert "conserved" in out
+    assert "lambda" not in out
+    assert "multipliers" not in out
+    assert "= -0 " not in out

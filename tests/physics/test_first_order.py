@@ -394,3 +394,21 @@ initial: {{{initial}, x': {{guess: 0}}, y': {{guess: 0}}}}
     assert lagcli.check(model).steady is steady
     notes = lagcli.modes(model).linear_model.notes
     assert any("at this instant only" in note for note in notes) is not steady
+
+
+def test_units_of_conserved_quantities_of_vortices() -> None:
+    """Where values of parameters stand in a quantity as numbers, its terms ∂L/∂q' have its unit."""
+    text = """
+coordinates: {x: m, y: m, u: m, w: m}
+parameters: {rho: 1 kg/m^2, G: 2 m^2/s, H: 1 m^2/s, d: 1 m}
+L: rho*(G*x*y' + H*u*w') + rho*G*H/(4*pi)*log(((x - u)^2 + (y - w)^2)/d^2)
+initial:
+  {x: 0.5, y: 0, u: -0.5, w: 0,
+   x': {guess: 0}, y': {guess: 0}, u': {guess: 0}, w': {guess: 0}}
+"""
+    checked = lagcli.check(lagcli.load_text(text))
+    units = {q.name: checked.conserved_units.get(q.name) for q in checked.conserved.quantities}
+    assert units["J_1"] == "kg*m/s"  # of the symbol rho*G*x + rho*H*u
+    assert units["J_2"] == "kg*m/s"  # -2*y - w, in which 2 is rho*G
+    assert units["J_3"] == "kg*m^2/s"  # -(2*y + w)^2/4
+    assert units["jacobi"] == "J"

@@ -20,7 +20,7 @@ from lagcli.engine.lowering.lower import lower
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
-from lagcli.model.dimensions.deriving import symbolic_unit
+from lagcli.equations.symmetry.units import conserved_unit
 from lagcli.model.hints import Hint, hints
 from lagcli.model.model import TIME, Model, check_is_model
 from lagcli.simulations.contacts import model_at_start
@@ -139,7 +139,7 @@ def check(model: Model) -> Check:
         conserved_units={
             q.name: unit
             for q in conserved.quantities
-            if (unit := symbolic_unit(model, q.expression)) is not None
+            if (unit := conserved_unit(model, q)) is not None
         },
         steady=steady,
         time_scales=scales if steady else None,

@@ -25,8 +25,9 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
+from lagcli.equations.symmetry.units import conserved_unit
 from lagcli.errors import NumericalError, UsageError
-from lagcli.model.dimensions.deriving import expression_unit, symbolic_unit
+from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.dimension import ENERGY, product, unit_of
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
@@ -260,7 +261,7 @@ def steady_unit(model: Model, text: str) -> str | None:
     name = rate[1] if rate else text
     found = conserved_quantities(derive(model)).quantities
     momentum = next((x for x in found if x.name == name and x.kind == "momentum"), None)
-    unit = None if momentum is None else symbolic_unit(model, momentum.expression)
+    unit = None if momentum is None else conserved_unit(model, momentum)
     if unit is None or not rate:
         return unit
     return unit_of(product(ENERGY, read_unit(unit).dimension, -1))  # momentum · rate is an energy
