@@ -439,8 +439,9 @@ def _quantities(model: Model, panel: str) -> list[ResultQuantity]:
             return any(c.kind == "holonomic" for c in model.constraints)
         if quantity.along == "conserved_quantity":  # computed again for each run
             return False
-        of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
-        return bool(model.constraints) or not of_constraints
+        if quantity.name in ("multipliers", "constraint_force"):  # 0 for first-order coordinates
+            return any(not c.of_coordinate for c in model.constraints)
+        return bool(model.constraints) or quantity.along != "constraint"
 
     return list(filter(exists, PANELS.get(panel, ())))
 

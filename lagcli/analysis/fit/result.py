@@ -305,7 +305,7 @@ def format_fit(result: FitResult) -> str:
         lines += _entry("assembly", _assembly(result))
     if len(result.costs) > 1:
         agreeing = result.agreeing_starts
-        lines += _entry("starts", f"{agreeing} of {len(result.costs)} end at these values")
+        lines += _entry("searches", f"{agreeing} of {len(result.costs)} end at these values")
     failed = sum(result.failures.values())
     lines += _entry("runs", f"{result.runs}" + (f", {failed} failed" if failed else ""))
     for reason, count in sorted(result.failures.items(), key=lambda x: -x[1])[:3]:
@@ -380,7 +380,7 @@ def fit_sections(result: FitResult) -> list[ResultSection]:
         facts[2] = ("Probability", Phrase("{}", (result.probability,), 2))
     if len(result.costs) > 1:
         agreeing = f"{result.agreeing_starts} of {len(result.costs)} end at these values"
-        facts.append(("Starts", agreeing))
+        facts.append(("Searches", agreeing))
     if result.guesses:
         facts.append(("Assembly", _assembly(result)))
     facts = [x for x in facts if x[1]]

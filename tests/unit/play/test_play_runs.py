@@ -567,3 +567,13 @@ def test_large_families_have_panels_of_their_own() -> None:
     """Also members that are much smaller than others stay with them."""
     series = run(play("chain"))["plots"]["coordinates"]["series"]
     assert {(x["name"].partition("[")[0], x["panel"]) for x in series} == {("x", 0), ("y", 1)}
+
+
+def test_multipliers_that_are_0_by_definition_are_no_plots() -> None:
+    """Those of first-order coordinates; the residuals of their equations are plotted."""
+    found = Path(__file__).parents[2] / "found"
+    groups = plot_groups(load(found / "vortices.yaml"))
+    assert "coordinates" in groups
+    assert "velocity residuals" in groups
+    assert "multipliers" not in groups
+    assert "constraint forces" not in groups
