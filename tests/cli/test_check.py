@@ -35,7 +35,7 @@ def test_the_page_fits_eighty_columns_and_says_what_is_redundant(lagcli):
     words = " ".join(out.split())
     assert "1 of right_x, right_y, middle_x, middle_y follows from the others." in words
     assert "Not unique: right_x, right_y, middle_x, middle_y." in words
-    assert "The start is not an equilibrium or a steady motion" in words
+    assert "the start is not an equilibrium or a motion at constant velocities" in words
 
 
 @pytest.mark.parametrize(

@@ -408,8 +408,8 @@ def _time_scales(checked: Check) -> Step | None:
         return Step("Time scales", (), why)
     if checked.steady is False:
         why = (
-            "The start is not an equilibrium or a steady motion: there are no small motions about"
-            " it. `lagcli modes --equilibrium` describes those about an equilibrium near it."
+            "Not computed: the start is not an equilibrium or a motion at constant velocities."
+            " `lagcli modes --equilibrium` describes small motions about an equilibrium near it."
         )
         return Step("Time scales", (), why)
     if x is None:

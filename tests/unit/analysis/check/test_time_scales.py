@@ -78,7 +78,7 @@ def test_a_start_that_is_no_equilibrium_has_no_small_motions() -> None:
     assert checked.steady is False
     assert checked.time_scales is None
     text = " ".join(page(checked).split())
-    assert "The start is not an equilibrium or a steady motion" in text
+    assert "the start is not an equilibrium or a motion at constant velocities" in text
     assert "`lagcli modes --equilibrium`" in text
     assert "rad/s" not in text
     (mode,) = lagcli.modes(model, equilibrium=True).modes
