@@ -118,3 +118,21 @@ def test_a_load_that_a_body_runs_into() -> None:
     assert found.counts["steps"] < 500
     impulse = 3e-6 * 0.3 * math.sqrt(math.pi)
     assert found.v[-1, 0] + 2 == pytest.approx(impulse, rel=1e-4, abs=1e-9)
+
+
+def test_a_step_taken_back_is_not_repeated() -> None:
+    """Next to the load the series fails. DOP853's first step was longer than what was taken back.
+
+    It was taken back again, without end.
+    """
+    size, speed, time, width = 8.98, 1.637, 6.1625, 7.3e-5
+    z = f"((x - {speed}*(t - {time}))/{width})"
+    text = (
+        "coordinates: [x]\nT: x'^2/2\n"
+        f'Q: {{x: "{size}*(1/(1 + exp(-{z})) - 1/(1 + exp(1 - {z})))"}}\n'
+        "initial: {x: 0, x': 0}\n"
+    )
+    found = lagcli.simulate(
+        lagcli.load_text(text), method="Taylor", t_end=10.0, max_steps=100, timeout=30.0
+    )
+    assert found.counts["steps"] == 100, found.message

@@ -56,12 +56,14 @@ static int is_off(lag_run *run, double h)
     return !(square <= DEFECT * DEFECT);
 }
 
-static int explicit_step(lag_run *run)
+/* A step of DOP853, which is not longer than this: a longer one may just have been taken back. */
+static int explicit_step(lag_run *run, double longest)
 {
     if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
     if (run->stepped != &lag_dop853)
         lag_first_step(run, lag_dop853.order);
+    run->step.h = fmin(run->step.h, longest);
     run->stepped = &lag_dop853;
     return lag_dop853.step(run);
 }
@@ -123,10 +125,11 @@ static int try_step(lag_run *run, double h, double *factor)
 static int step(lag_run *run)
 {
     const lag_system *s = &run->system;
+    const double longest = run->step.h;
     ++run->step.evaluations;
     if (lag_solving_by(run) != LAG_BY_TAPE || run->series.order == 0
         || lag_series_expand(&run->series, s->nq, run->step.t, run->step.y))
-        return explicit_step(run);
+        return explicit_step(run, longest);
     run->stepped = &lag_taylor;
     run->step.h = fmin(run->step.h, step_of_series(run));
     int undefined = 0;
@@ -134,7 +137,7 @@ static int step(lag_run *run)
         double factor;
         const double h = lag_step_size(run);
         if (h == 0.0) /* a small step shows whether the equations are undefined */
-            return undefined ? LAG_UNDEFINED : explicit_step(run);
+            return undefined ? LAG_UNDEFINED : explicit_step(run, longest);
         const int status = try_step(run, h, &factor);
         if (status == LAG_RUNNING) {
             lag_accept(run, h, factor);
