@@ -31,5 +31,6 @@ def conserved_unit(model: Model, quantity: ConservedQuantity) -> str | None:
     whole, *others = parts
     if not isinstance(whole, Dimension):
         return None
-    agree = all(isinstance(x, Dimension) and same(x, whole) for x in others)
-    return unit_of(whole) if agree else None
+    if not all(isinstance(x, Dimension) and same(x, whole) for x in others):
+        return None
+    return unit if same(whole, read_unit(unit).dimension) else unit_of(whole._replace(rad=0))
