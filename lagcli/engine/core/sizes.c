@@ -397,6 +397,10 @@ int lag_scale_rounding(lag_run *run, double factor)
 void lag_be_strict(lag_run *run)
 {
     const int n = lag_size(&run->system);
+    if (run->tolerances.noise_until == run->step.steps + KNOWN) {
+        run->tolerances.noise_until = 0;
+        memset(run->tolerances.noise, 0, (size_t)n * sizeof(double));
+    }
     if (!run->tolerances.raised)
         return;
     run->tolerances.raised = 0;

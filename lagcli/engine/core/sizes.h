@@ -82,7 +82,8 @@ int lag_scale_rounding(lag_run *run, double factor);
  * factor, is the largest beside its tolerance. */
 void lag_reject_step(lag_run *run, const double *errors);
 
-/* Take back that the tolerances of a step were raised. */
+/* Take back that the tolerances of a step were raised, and forget rounding errors found in it: its end may be far from
+ * where a shorter one goes, beyond a kink, say. */
 void lag_be_strict(lag_run *run);
 
 /* Find A again where the linear system is solved in another way from here on. Returns LAG_RUNNING, or

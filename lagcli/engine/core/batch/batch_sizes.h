@@ -86,6 +86,18 @@ static int batch_excuse(lag_batch *s, int lanes, const double *h, int attempt)
     return which;
 }
 
+/* In lanes whose steps are rejected, forget the rounding errors found in these steps, as lag_be_strict does. */
+static void batch_forget_noise(lag_batch *s, int lanes)
+{
+    EACH_LANE (l) {
+        if (!HAS(lanes, l) || s->noise_until[l] != s->counts[3 * s->run[l]] + KNOWN)
+            continue;
+        s->noise_until[l] = 0;
+        for (int m = 0; m < lag_size(s->system); ++m)
+            s->noise[m * LAG_LANES + l] = 0.0;
+    }
+}
+
 /* Multiply what they were raised by, as lag_scale_rounding does. */
 static void batch_scale_rounding(lag_batch *s, double factor)
 {
