@@ -17,6 +17,7 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.random_states import random_states
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
@@ -120,9 +121,7 @@ def check(model: Model) -> Check:
         rank = check_rank(system, there, freedom, states)
         singular = rank.special or bool(rank.near_singular)
         scales = None if singular else time_scales(system, there)
-        steady = (
-            None if scales is None else _is_steady(LocalEquations(held.model, held, system), there)
-        )
+        steady = None if scales is None else _is_steady(held, system, there)
         analysis = conserved_quantities(equations)
         found = analysis.quantities
         if freedom.held is None:  # others hold while constraints switch
@@ -149,7 +148,9 @@ def check(model: Model) -> Check:
     )
 
 
-def _is_steady(local: LocalEquations, start: ConsistentState) -> bool:
+def _is_steady(equations: Equations, system: System, start: ConsistentState) -> bool:
+    # fixed values need not satisfy the constraint of a contact that is closed by `closed`
+    local = LocalEquations(equations.model, equations, system, start)
     point = local.moving(start.state, start.rank)
     return local.is_steady(point, local.tangent(point, local.constant_velocities(point)))
 

@@ -51,16 +51,22 @@ _CHANGES = 1e-6
 class DerivedModel:
     """A model with its equations, their System and its consistent start.
 
-    Equations and System may be given if they are known.
+    Equations, System and start may be given if they are known.
     """
 
     def __init__(
-        self, model: Model, equations: Equations | None = None, system: System | None = None
+        self,
+        model: Model,
+        equations: Equations | None = None,
+        system: System | None = None,
+        start: ConsistentState | None = None,
     ):
         self.model = model
         self.equations: Equations = equations or derive(model)
         self.system: System = system or lower(self.equations)
         self.t = model.settings.t_start or 0.0
+        if start is not None:
+            self.start = start
 
     @cached_property
     def start(self) -> ConsistentState:
@@ -72,9 +78,13 @@ class LocalEquations(DerivedModel):
     """The equations of a model with their derivatives, at single points."""
 
     def __init__(
-        self, model: Model, equations: Equations | None = None, system: System | None = None
+        self,
+        model: Model,
+        equations: Equations | None = None,
+        system: System | None = None,
+        start: ConsistentState | None = None,
     ):
-        super().__init__(model, equations, system)
+        super().__init__(model, equations, system, start)
         #: The equations of all modes: those of a model that does not switch.
         self.whole: Equations = self.equations
         self.jacobian_tape = motion_jacobians(self.equations, self.system)
