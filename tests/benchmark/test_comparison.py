@@ -120,7 +120,7 @@ def test_a_small_comparison_from_measurement_to_page() -> None:
     report.titles, report.spans = {"pendulum": case.title}, {"pendulum": case.t_end}
     report.references, report.results = {"pendulum": exact.source}, {"pendulum": results}
     report.growth = growth(lengths=(2, 3))
-    report.derivation, report.process = Derivation(0.01, 5.0), WholeProcess(0.2, 0.1)
+    report.derivation, report.process = Derivation(0.01, 5.0), WholeProcess(0.25, 0.1)
     page = table.render(report)
     for text in (case.title, BY_HAND.title, "casadi", "| 3 |", "**not met**"):
         assert text in page

@@ -66,7 +66,7 @@ def slider_crank(algebra: Any, q: Sequence[Expression], p: Parameters) -> Geomet
     y_a = p["r"] * sin(phi)
     slider, y_b = p["r"] * cos(phi) + p["l"] * cos(psi), y_a - p["l"] * sin(psi)
     return Geometry(
-        inertias=[Inertia(p["m"], (p["r"] * cos(phi), y_a)), Inertia(p["m"], (slider,))],
+        inertias=[Inertia(p["m"], (p["r"] * cos(phi), y_a)), Inertia(p["m"], (slider, y_b))],
         potential=[p["m"] * p["g"] * (y_a + y_b)],
         constraints=[y_b],
     )
