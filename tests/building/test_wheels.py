@@ -135,7 +135,7 @@ def test_files_of_the_release_state_its_version_and_needs() -> None:
     names = {"symengine": "python-symengine"}  # conda-forge's own name
     needs = set()
     for line in project["dependencies"]:
-        name, bound = re.fullmatch(r"([\w-]+)(>=[\d.]+)", line).groups()
+        name, bound = re.fullmatch(r"([\w-]+)(>=[\d.]+(?:,<[\d.]+)?)", line).groups()
         needs.add(f"{names.get(name, name)} {bound}")
     assert set(recipe["requirements"]["run"]) == {"python", *needs}
 
