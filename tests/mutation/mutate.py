@@ -57,6 +57,7 @@ AREAS = {
             "lagcli/engine/core/switching/watched.c",
             "lagcli/engine/core/switching/enclosure.c",
             "lagcli/engine/core/switching/crossing.c",
+            "lagcli/engine/core/dense_jets.c",
             "lagcli/engine/core/roots.c",
         ),
         (
