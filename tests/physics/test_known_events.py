@@ -24,7 +24,7 @@ SEEDS = {"stick-slip": 10, "lift-off": 10, "pulses": 8}
 #: Coefficients of interval jets and states that the search for events evaluates in these cases: the
 #: same motion and events for less are welcome, and for more a mistake.
 COSTS = {
-    "cubic": (983, 303),
+    "cubic": (887, 311),
     "chebyshev": (2054, 493),
     "sine": (20029, 9370),
     "near_touch": (26317, 14365),

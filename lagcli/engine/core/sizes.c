@@ -344,14 +344,29 @@ static int raise_tolerances(lag_run *run, const double *change)
     return raised;
 }
 
-/* Find the rounding errors of y' at the end of the attempted step of size h; those found last count by a part. Returns 0,
- * or 1 where they are not known. */
+/* Find the rounding errors of y' at the end of the attempted step of size h, with the branches there: that of the step may
+ * have any values beyond its kink. Those found last count by a part. Returns 0, or 1 where they are not known. */
 static int find_noise_of_step(lag_run *run, double h)
 {
     lag_tolerances *tolerances = &run->tolerances;
-    const int n = lag_size(&run->system);
-    if (find_noise(run, run->step.t + h, run->step.y_new, tolerances->change))
+    const int nq = run->system.nq, n = lag_size(&run->system);
+    const double t = run->step.t + h;
+    lag_preview_branches(run, t, run->step.y_new);
+    const int unknown = find_noise(run, t, run->step.y_new, tolerances->change);
+    lag_end_preview(run);
+    if (unknown)
         return 1;
+    const double speed = CREDIBLE * sqrt(2.0 * tolerances->size[2 * nq]) / h;
+    for (int i = 0; i < nq / run->system.blocks; ++i) {
+        const double inertia = inertia_of(&run->system, i);
+        if (inertia > 0.0)
+            tolerances->change[nq + i] = fmin(tolerances->change[nq + i], speed / sqrt(inertia));
+    }
+    /* a force that sets in does so at a time that is known to a rounding */
+    const double length = TIMING * (run->settings.t_end - run->step.t_start);
+    for (int m = nq; m < 2 * nq; ++m)
+        if (run->step.y[m] == 0.0 && run->step.f[m] == 0.0)
+            tolerances->change[m] = fmax(tolerances->change[m], length * fabs(tolerances->down[m]) / h);
     for (int m = 0; m < n; ++m)
         tolerances->noise[m] = fmax(tolerances->change[m], LASTING * tolerances->noise[m]);
     tolerances->noise_until = run->step.steps + KNOWN;

@@ -54,6 +54,8 @@
 #define EMERGED 1e-18       /* of the velocity of the same kinetic energy: what a coordinate at rest reaches anyway */
 #define NO_SIZE 1e-100      /* tolerance of an entry without any size so far */
 #define SAMPLED 100.0       /* times a sample of rounding errors: more than they are */
+#define CREDIBLE 1e-7       /* of the velocity of the largest kinetic energy: what rounding errors change in a step at most;
+                             * beside a pole, where more is lost, the motion ends */
 #define NOTICED 0.1         /* of a tolerance: less does not matter to it */
 #define KNOWN 16            /* number of steps in which rounding errors are those found before ... */
 #define LASTING 0.5         /* ... and the part of them that counts beside those found then */

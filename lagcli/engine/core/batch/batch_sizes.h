@@ -71,9 +71,11 @@ static int batch_excuse(lag_batch *s, int lanes, const double *h, int attempt)
         tolerances->raised = 0;
         for (int m = 0; m < n; ++m) {
             run->step.y_new[m] = s->y_new[m * LAG_LANES + l];
+            run->step.f[m] = s->stages[m * LAG_LANES + l];
             tolerances->atol[m] = s->strict[m * LAG_LANES + l];
             tolerances->noise[m] = s->noise[m * LAG_LANES + l];
         }
+        tolerances->size[2 * s->system->nq] = s->size[2 * s->system->nq * LAG_LANES + l];
         run->step.steps = s->counts[3 * s->run[l]];
         tolerances->noise_until = s->noise_until[l];
         which |= lag_excuse_rounding(run, h[l], attempt, NULL) << l;
