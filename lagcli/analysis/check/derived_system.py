@@ -294,23 +294,16 @@ def _product(a: Matrix, b: Matrix) -> Matrix:
 
 def independent(rows: Sequence[Vector]) -> list[tuple[int, int]]:
     """Return independent rows, each with the column of its pivot."""
-    reduced: list[tuple[Vector, int]] = []
+    form: list[tuple[Vector, int]] = []
     pivots = []
     for i, row in enumerate(rows):
-        left = _reduced(row, reduced)
-        column = max(range(len(left)), key=lambda j: abs(left[j]), default=0)
-        if left and abs(left[column]) > _ZERO:
-            reduced.append((left, column))
+        for other, column in form:
+            row = _without(row, other, column)
+        column = max(range(len(row)), key=lambda j: abs(row[j]), default=0)
+        if row and abs(row[column]) > _ZERO:
+            form.append(([(x << BITS) // row[column] for x in row], column))
             pivots.append((i, column))
     return pivots
-
-
-def _reduced(row: Vector, reduced: Sequence[tuple[Vector, int]]) -> Vector:
-    for other, column in reduced:
-        factor = (row[column] << BITS) // other[column]
-        row = [x - (factor * y >> BITS) for x, y in zip(row, other, strict=True)]
-        row[column] = 0
-    return row
 
 
 def inverse(matrix: Matrix) -> Matrix:

@@ -225,8 +225,8 @@ class Problem:
 
     def searches(self, start: Array) -> list[SearchResult]:
         """Return the results of searches from a point, in the assemblies of the mechanism."""
+        first = self.evaluate(start)  # known to the search, unless its scales round it
         found = [self.search(start)]
-        first = self.evaluate(start)
         others = [] if first is None else self.others(start, first.assembly)
         return found + [self.search(start, near=x) for x in others]
 

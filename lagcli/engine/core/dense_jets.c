@@ -40,23 +40,12 @@ static const double *points_of(lag_run *run, lag_dense_points *d, int i, int ord
     return b + order * POINTS;
 }
 
-/* Without calls of the C library, which take longer than the comparison. */
-static inline double least(double a, double b)
-{
-    return a < b ? a : b;
-}
-
-static inline double most(double a, double b)
-{
-    return a > b ? a : b;
-}
-
 lag_interval lag_range_of(const double *b, int degree)
 {
     lag_interval r = {b[0], b[0]};
     for (int j = 1; j <= degree; ++j) {
-        r.low = least(r.low, b[j]);
-        r.high = most(r.high, b[j]);
+        r.low = lag_least(r.low, b[j]);
+        r.high = lag_most(r.high, b[j]);
     }
     return r.low <= r.high ? r : LAG_ANYTHING; /* not so if the last one is undefined */
 }
@@ -68,7 +57,7 @@ static lag_interval range_within(const double *b, int degree, double u, double v
     w[0] = b[0];
     for (int j = 1; j <= degree; ++j) {
         w[j] = b[j];
-        size = most(size, fabs(b[j]));
+        size = lag_most(size, fabs(b[j]));
     }
     if (v < 1.0)
         for (int m = 1; m <= degree; ++m)

@@ -42,8 +42,8 @@ void lag_report_of(const lag_run *run, lag_report *report)
         .t_bad = run->failure.t, .y_bad = run->failure.y,
         .examined = run->watch.examined,
         .suspect_from = run->step.t_old + run->watch.suspect[0] * run->step.h_old,
-        .limiting = run->tolerances.limiting,
         .suspect_to = run->step.t_old + run->watch.suspect[1] * run->step.h_old,
+        .limiting = run->tolerances.limiting,
     };
 }
 

@@ -12,8 +12,8 @@
 #include "memory.h"
 #include "series/series.h"
 #include "switching/switching.h"
-#include "tape/interval.h"
 #include "system.h"
+#include "tape/interval.h"
 
 /* step.c, and the methods: the state and the last step. */
 typedef struct {

@@ -255,7 +255,7 @@ static int difference_of_sides(lag_run *run, int rounded, double t, const double
 static lag_jet_tape *enclosed_tape(lag_run *run, int solves)
 {
     const lag_system *s = &run->system;
-    const lag_tape *tape = solves || !s->equations.registers ? &s->dynamics : &s->equations;
+    const lag_tape *tape = solves ? &s->dynamics : lag_equations_tape(s);
     lag_enclosed *e = run->tolerances.enclosed + solves;
     if (tape->register_count > MOST_REGISTERS)
         return NULL;
@@ -300,15 +300,13 @@ static int enclose_rounding(lag_run *run, double t, const double *y, double *bou
  */
 static int find_noise(lag_run *run, double t, const double *y, double *noise)
 {
-    const lag_system *s = &run->system;
-    const lag_tape *e = s->equations.registers ? &s->equations : &s->dynamics;
-    const int nq = s->nq;
+    const int nq = run->system.nq;
     double *bounds = run->tolerances.beside, sampled = 0.0, enclosed = 0.0;
     if (difference_of_sides(run, 1, t, y, noise))
         return 1;
     const int bounded = !enclose_rounding(run, t, y, bounds);
     for (int i = 0; i < nq && bounded; ++i) {
-        const double inertia = s->mass_diagonal[i] < 0 ? 0.0 : OUT(e, s->mass_diagonal[i]);
+        const double inertia = inertia_of(&run->system, i);
         sampled += inertia * noise[nq + i] * noise[nq + i];
         enclosed += inertia * bounds[i] * bounds[i];
     }
@@ -359,7 +357,7 @@ static int find_noise_of_step(lag_run *run, double h)
     const double speed = CREDIBLE * sqrt(2.0 * tolerances->size[2 * nq]) / h;
     for (int i = 0; i < nq / run->system.blocks; ++i) {
         const double inertia = inertia_of(&run->system, i);
-        if (inertia > 0.0)
+        if (speed > 0.0 && inertia > 0.0 && tolerances->emerging[i] == 0.0)
             tolerances->change[nq + i] = fmin(tolerances->change[nq + i], speed / sqrt(inertia));
     }
     /* a force that sets in does so at a time that is known to a rounding */
@@ -371,6 +369,12 @@ static int find_noise_of_step(lag_run *run, double h)
         tolerances->noise[m] = fmax(tolerances->change[m], LASTING * tolerances->noise[m]);
     tolerances->noise_until = run->step.steps + KNOWN;
     return 0;
+}
+
+static void forget_noise(lag_run *run)
+{
+    run->tolerances.noise_until = 0;
+    memset(run->tolerances.noise, 0, (size_t)lag_size(&run->system) * sizeof(double));
 }
 
 int lag_excuse_rounding(lag_run *run, double h, int attempt, lag_propagation *propagate)
@@ -412,10 +416,8 @@ int lag_scale_rounding(lag_run *run, double factor)
 void lag_be_strict(lag_run *run)
 {
     const int n = lag_size(&run->system);
-    if (run->tolerances.noise_until == run->step.steps + KNOWN) {
-        run->tolerances.noise_until = 0;
-        memset(run->tolerances.noise, 0, (size_t)n * sizeof(double));
-    }
+    if (run->tolerances.noise_until == run->step.steps + KNOWN)
+        forget_noise(run);
     if (!run->tolerances.raised)
         return;
     run->tolerances.raised = 0;
@@ -441,8 +443,7 @@ void lag_sizes_start(lag_run *run)
 {
     const int nq = run->system.nq;
     double *change = run->tolerances.change;
-    run->tolerances.noise_until = 0;
-    memset(run->tolerances.noise, 0, (size_t)lag_size(&run->system) * sizeof(double));
+    forget_noise(run);
     const int undefined = difference_of_sides(run, 0, run->step.t, run->step.y, change);
     for (int i = 0; i < nq; ++i) {
         const double noise = undefined ? 0.0 : fabs(change[nq + i]);

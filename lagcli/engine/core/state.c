@@ -280,6 +280,9 @@ static void switching(lag_archive *a, lag_run *run, const lag_method *chosen)
         lag_archive_count(a, &c->left, 0, INT64_MAX);
         flag(a, &c->begun);
         lag_archive_int(a, &c->ticks, 0, 2);
+        /* steps would go back to a tick that is past, and never arrive */
+        if (a->use == LAG_READS && c->begun && !(c->next >= run->step.t_old))
+            a->damaged = 1;
     }
     kinks(a, &sw->kinks);
 }

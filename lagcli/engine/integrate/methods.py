@@ -34,16 +34,14 @@ _TRIAL = 30
 #: tolerances, accuracy and stability limit them together. Before that, the path over this number of
 #: steps, twice, must be smooth enough for an implicit step of that length.
 _PATIENCE = 2000
-_MANY = 5000
 _STRETCH = 3
 #: Largest deviation of the path from a smooth step, in tolerances.
 _ROUGH = 2.0
 #: Explicit steps that take as long as the Jacobians of an implicit method and its trial: 150 to
 #: 10000 on 56 models, 1300 in the median.
 _PREPARATION = 1300
-#: Parts of the remaining steps that an implicit method must save at least, in preparations: whether
-#: it suits is not known yet. Where it may save more than the second number, it is tried without
-#: looking at the path first.
+#: Preparations that the remaining steps must be worth at least: whether an implicit method suits is
+#: not known yet. From the second number on, it is tried without looking at the path first.
 _WORTH, _CLEARLY_WORTH = 1.5, 10.0
 
 

@@ -193,7 +193,7 @@ static void batch_judged_errors(lag_batch *s, int lanes, const double *h, double
         large = batch_too_large(large, error);
     }
     batch_copy(s->atol, s->strict, n, large);
-    batch_forget_noise(s, large);
+    batch_be_strict(s, large);
     raised &= ~large;
     if (!raised)
         return;

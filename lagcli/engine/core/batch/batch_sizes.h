@@ -31,6 +31,14 @@ static void batch_sizes_energy(lag_batch *s, int lanes, const double *y, const d
     }
 }
 
+/* Forget the rounding errors that were found in a lane. */
+static void batch_forget_noise(lag_batch *s, int l)
+{
+    s->noise_until[l] = 0;
+    for (int m = 0; m < lag_size(s->system); ++m)
+        s->noise[m * LAG_LANES + l] = 0.0;
+}
+
 /* Find A and R in some lanes: as single runs do, which may round up and down (sin and cos of the lanes
  * may not). */
 static void batch_sizes_start(lag_batch *s, int lanes)
@@ -51,9 +59,7 @@ static void batch_sizes_start(lag_batch *s, int lanes)
             s->emerging[i * LAG_LANES + l] = run->tolerances.emerging[i];
         }
         s->acceleration_terms[nq * LAG_LANES + l] = run->tolerances.acceleration_terms[nq];
-        s->noise_until[l] = 0;
-        for (int m = 0; m < lag_size(s->system); ++m)
-            s->noise[m * LAG_LANES + l] = 0.0;
+        batch_forget_noise(s, l);
     }
 }
 
@@ -89,15 +95,11 @@ static int batch_excuse(lag_batch *s, int lanes, const double *h, int attempt)
 }
 
 /* In lanes whose steps are rejected, forget the rounding errors found in these steps, as lag_be_strict does. */
-static void batch_forget_noise(lag_batch *s, int lanes)
+static void batch_be_strict(lag_batch *s, int lanes)
 {
-    EACH_LANE (l) {
-        if (!HAS(lanes, l) || s->noise_until[l] != s->counts[3 * s->run[l]] + KNOWN)
-            continue;
-        s->noise_until[l] = 0;
-        for (int m = 0; m < lag_size(s->system); ++m)
-            s->noise[m * LAG_LANES + l] = 0.0;
-    }
+    EACH_LANE (l)
+        if (HAS(lanes, l) && s->noise_until[l] == s->counts[3 * s->run[l]] + KNOWN)
+            batch_forget_noise(s, l);
 }
 
 /* Multiply what they were raised by, as lag_scale_rounding does. */

@@ -68,20 +68,9 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
         e->place[e->state[i]] = i;
 }
 
-/* Without calls of the C library, which take longer than the comparison. */
-static inline double least(double a, double b)
-{
-    return a < b ? a : b;
-}
-
-static inline double most(double a, double b)
-{
-    return a > b ? a : b;
-}
-
 static lag_interval widened(lag_interval a)
 {
-    const double margin = WIDER * (a.high - a.low) + 8.0 * ROUNDING * most(-a.low, a.high);
+    const double margin = WIDER * (a.high - a.low) + 8.0 * ROUNDING * lag_most(-a.low, a.high);
     return (lag_interval){a.low - margin, a.high + margin};
 }
 
@@ -104,8 +93,8 @@ static lag_interval enclose_between_ends(const lag_run *run, int i, const double
     lag_interval r = lag_range_of(cubic, 3);
     for (int j = 1; j < 4; ++j) { /* at the ends, the derivative is v */
         const double slope = 5.0 * (b[j + 1] - b[j]) / h;
-        r.low = least(r.low, slope);
-        r.high = most(r.high, slope);
+        r.low = lag_least(r.low, slope);
+        r.high = lag_most(r.high, slope);
     }
     return widened(r);
 }

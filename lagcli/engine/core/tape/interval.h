@@ -62,16 +62,22 @@ void lag_jets_run(lag_jet_tape *jets, int order);
  * but in those of their derivatives. */
 void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order);
 
-/* The same where the inputs of `middle` are jets at the middle of the interval, whose half is `radius`. There, each
- * result is narrowed to what its derivatives allow: inputs that move together do not cancel in ranges of their values,
- * but in those of their derivatives. */
-void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order);
-
 /* Enclose a program of inputs with t in [low, high] and others fixed: `inputs`, low of t included. Bounds of all
  * coefficients of all outputs, order by order, to out; `narrowed` as by lag_jets_run_about. Returns 0, or 1 where there
  * is no memory. */
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
                         int order, int narrowed, double *out);
+
+/* Without calls of the C library, which take longer than the comparison. */
+static inline double lag_least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double lag_most(double a, double b)
+{
+    return a > b ? a : b;
+}
 
 /* Arithmetic, rounded outwards. */
 lag_interval lag_interval_add(lag_interval a, lag_interval b);

@@ -123,4 +123,4 @@ def test_the_text_says_what_is_not_identified(result: FitResult) -> None:
     assert mass.endswith("not identified")
     (amplitude,) = (line for line in lines if line.startswith("  x [m]"))
     assert " to " in amplitude
-    assert any(line.startswith("  starts") for line in lines)
+    assert any(line.startswith("  searches") for line in lines)
