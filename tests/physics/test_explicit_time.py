@@ -120,19 +120,40 @@ def test_a_load_that_a_body_runs_into() -> None:
     assert found.v[-1, 0] + 2 == pytest.approx(impulse, rel=1e-4, abs=1e-9)
 
 
+def _logistic() -> str:
+    """Return a model with a difference of logistic functions that passes a body at rest.
+
+    Before it, the difference is 1 - 1: rounding errors of it are larger than any velocity so far.
+    """
+    size, speed, time, width = 8.98, 1.637, 6.1625, 7.3e-5
+    z = f"((x - {speed}*(t - {time}))/{width})"
+    return (
+        "coordinates: [x]\nT: x'^2/2\n"
+        f'Q: {{x: "{size}*(1/(1 + exp(-{z})) - 1/(1 + exp(1 - {z})))"}}\n'
+        "initial: {x: 0, x': 0}\n"
+    )
+
+
+LOGISTIC = _logistic()
+
+
+def test_a_force_that_sets_in_below_rounding_errors() -> None:
+    """Steps fell to the smallest where the force is smaller than what rounding errors change.
+
+    The velocity is that of the force without cancellation, S s(z) s(1 - z) (1 - 1/e) with the
+    logistic function s, integrated by SciPy's DOP853 with rtol = 1e-12 and steps of 20 us at most.
+    """
+    found = lagcli.simulate(lagcli.load_text(LOGISTIC), method="Radau", t_end=10.0, samples=3)
+    assert found.status == "completed", found.message
+    assert found.v[-1, 0] == pytest.approx(4.0050103881701676e-4, rel=1e-8)
+
+
 def test_a_step_taken_back_is_not_repeated() -> None:
     """Next to the load the series fails. DOP853's first step was longer than what was taken back.
 
     It was taken back again, without end.
     """
-    size, speed, time, width = 8.98, 1.637, 6.1625, 7.3e-5
-    z = f"((x - {speed}*(t - {time}))/{width})"
-    text = (
-        "coordinates: [x]\nT: x'^2/2\n"
-        f'Q: {{x: "{size}*(1/(1 + exp(-{z})) - 1/(1 + exp(1 - {z})))"}}\n'
-        "initial: {x: 0, x': 0}\n"
-    )
     found = lagcli.simulate(
-        lagcli.load_text(text), method="Taylor", t_end=10.0, max_steps=100, timeout=30.0
+        lagcli.load_text(LOGISTIC), method="Taylor", t_end=10.0, max_steps=100, timeout=30.0
     )
     assert found.counts["steps"] == 100, found.message
