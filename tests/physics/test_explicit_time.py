@@ -148,6 +148,30 @@ def test_a_force_that_sets_in_below_rounding_errors() -> None:
     assert found.v[-1, 0] == pytest.approx(4.0050103881701676e-4, rel=1e-8)
 
 
+@pytest.mark.parametrize("method", ["auto", "DOP853", "Radau"])
+@pytest.mark.parametrize(
+    "load",
+    [
+        "2*t/(1 - x/0.5)",
+        "2*t^3/(1 - x/0.5)",
+        "2*max(0, t - 0.5)/(1 - x/0.5)",
+        "2*max(0, t - 0.5)/(1 - x/0.5)^2",
+        "2*exp(-1/max(t, 1e-9))/(1 - x/0.5)",
+        "2/(1 - x/0.5)/(1 + exp(-(t - 1)/0.001))",
+    ],
+)
+def test_a_body_that_leaves_rest_does_not_pass_a_pole(load: str, method: str) -> None:
+    """Rounding errors beside the pole excused any error: the body came out on its other side.
+
+    Before it, the force is positive: x rises to 0.5, where the motion ends.
+    """
+    text = f"coordinates: [x]\nT: x'^2/2\nQ: {{x: \"{load}\"}}\ninitial: {{x: 0, x': 0}}\n"
+    found = lagcli.simulate(lagcli.load_text(text), method=method, t_end=5.0, samples=501)
+    assert found.status == "failed"
+    assert np.all(np.diff(found.q[:, 0]) >= -1e-12)
+    assert 0.4 < found.q[-1, 0] < 0.5
+
+
 def test_a_step_taken_back_is_not_repeated() -> None:
     """Next to the load the series fails. DOP853's first step was longer than what was taken back.
 

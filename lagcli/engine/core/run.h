@@ -50,6 +50,8 @@ typedef struct {
     const double *given;               /* n: given tolerances; 0 if they follow the size */
     double *size, *acceleration_terms, *future_acceleration;      /* n, nq + 1, nq: S, A and P, R of sizes.h */
     double *emerging;                  /* nq: M_ii^-1/2 of coordinates that started at rest, without acceleration; else 0 */
+    double *rest;                      /* n: the state at the start, from which those leave rest */
+    double *noise_at_rest;             /* n: scratch */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */

@@ -120,6 +120,8 @@ static void allocate(lag_run *run)
     run->tolerances.acceleration_terms = lag_doubles(pool, nq + 1);
     run->tolerances.future_acceleration = lag_doubles(pool, nq);
     run->tolerances.emerging = lag_doubles(pool, nq);
+    run->tolerances.rest = lag_doubles(pool, n);
+    run->tolerances.noise_at_rest = lag_doubles(pool, n);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
     run->tolerances.terms = lag_doubles(pool, nq);
     run->tolerances.down = lag_doubles(pool, n);

@@ -342,6 +342,20 @@ static int raise_tolerances(lag_run *run, const double *change)
     return raised;
 }
 
+/* Find the rounding errors that y' of coordinates which leave rest would have there at t; 0 of the others. */
+static void find_noise_at_rest(lag_run *run, double t)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    const int nq = run->system.nq;
+    int leaves = 0;
+    for (int i = 0; i < nq; ++i)
+        leaves |= tolerances->emerging[i] > 0.0;
+    const int unknown = !leaves || find_noise(run, t, tolerances->rest, tolerances->noise_at_rest);
+    for (int i = 0; i < nq; ++i)
+        if (unknown || tolerances->emerging[i] == 0.0)
+            tolerances->noise_at_rest[nq + i] = 0.0;
+}
+
 /* Find the rounding errors of y' at the end of the attempted step of size h, with the branches there: that of the step may
  * have any values beyond its kink. Those found last count by a part. Returns 0, or 1 where they are not known. */
 static int find_noise_of_step(lag_run *run, double h)
@@ -350,6 +364,7 @@ static int find_noise_of_step(lag_run *run, double h)
     const int nq = run->system.nq, n = lag_size(&run->system);
     const double t = run->step.t + h;
     lag_preview_branches(run, t, run->step.y_new);
+    find_noise_at_rest(run, t);
     const int unknown = find_noise(run, t, run->step.y_new, tolerances->change);
     lag_end_preview(run);
     if (unknown)
@@ -357,8 +372,9 @@ static int find_noise_of_step(lag_run *run, double h)
     const double speed = CREDIBLE * sqrt(2.0 * tolerances->size[2 * nq]) / h;
     for (int i = 0; i < nq / run->system.blocks; ++i) {
         const double inertia = inertia_of(&run->system, i);
-        if (speed > 0.0 && inertia > 0.0 && tolerances->emerging[i] == 0.0)
-            tolerances->change[nq + i] = fmin(tolerances->change[nq + i], speed / sqrt(inertia));
+        if (speed > 0.0 && inertia > 0.0)
+            tolerances->change[nq + i] = fmin(tolerances->change[nq + i],
+                                              fmax(speed / sqrt(inertia), tolerances->noise_at_rest[nq + i]));
     }
     /* a force that sets in does so at a time that is known to a rounding */
     const double length = TIMING * (run->settings.t_end - run->step.t_start);
@@ -454,6 +470,7 @@ void lag_sizes_start(lag_run *run)
     forget_values(run);
     find_again(run, count_forces(run));
     find_emerging(run);
+    memcpy(run->tolerances.rest, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
     look_ahead(run);
     /* derivatives are those by theta over its scale, in the units of the motion: what cancels in them is as large */
     for (int i = 0, motion = nq / run->system.blocks; i < nq; ++i) {

@@ -55,8 +55,8 @@
 #define NO_SIZE 1e-100      /* tolerance of an entry without any size so far */
 #define SAMPLED 100.0       /* times a sample of rounding errors: more than they are */
 #define CREDIBLE 1e-7       /* of the velocity of the largest kinetic energy: what rounding errors change in a step at most;
-                             * beside a pole, where more is lost, the motion ends; not where a coordinate leaves rest, whose
-                             * first velocities are smaller than any rounding error */
+                             * beside a pole, where more is lost, the motion ends. A coordinate that leaves rest, whose first
+                             * velocities are smaller than any rounding error, has those that there are at rest, too */
 #define NOTICED 0.1         /* of a tolerance: less does not matter to it */
 #define KNOWN 16            /* number of steps in which rounding errors are those found before ... */
 #define LASTING 0.5         /* ... and the part of them that counts beside those found then */

@@ -120,6 +120,7 @@ static void tolerances(lag_archive *a, lag_run *run)
     lag_archive_reals(a, t->acceleration_terms, nq + 1);
     lag_archive_reals(a, t->future_acceleration, nq);
     lag_archive_reals(a, t->emerging, nq);
+    lag_archive_reals(a, t->rest, n);
     lag_archive_reals(a, t->largest, INT64_C(2) * t->kinds);
     lag_archive_reals(a, t->noise, n);
     number(a, &t->noise_until);
