@@ -387,6 +387,7 @@ static int find_noise_of_step(lag_run *run, double h)
     return 0;
 }
 
+/* Forget the rounding errors that were found. */
 static void forget_noise(lag_run *run)
 {
     run->tolerances.noise_until = 0;

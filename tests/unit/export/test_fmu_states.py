@@ -127,6 +127,18 @@ def checked(words: Any) -> bytes:
     return words.tobytes()
 
 
+def is_refused(fmu: Unpacked, words: Any) -> bool:
+    """Return whether a state of these words is damaged; otherwise a step from it ends."""
+    instance, refused = fmu.instance(), False
+    try:
+        instance.restore_from(checked(words))
+        instance.step(0.75, 0.01)
+    except FmuError as error:
+        refused = "damaged" in str(error)
+    instance.free()
+    return refused
+
+
 def test_bytes_that_are_no_state_are_refused(ball: Unpacked, tmp_path: Path) -> None:
     content = saved(ball)
     instance = ball.instance()
@@ -156,13 +168,7 @@ def test_a_simulation_that_has_ended_without_a_reason_is_refused(ball: Unpacked)
     for place in places[places > HEADER + 8]:
         changed = words.copy()
         changed[place] = 4
-        instance = ball.instance()
-        try:
-            instance.restore_from(checked(changed))
-            instance.step(0.75, 0.01)
-        except FmuError as error:
-            refused += "damaged" in str(error)
-        instance.free()
+        refused += is_refused(ball, changed)
     assert refused > 0
 
 
@@ -175,13 +181,7 @@ def test_a_clock_that_is_late_is_refused(ball: Unpacked) -> None:
         for past in (-1e300, 0.1, np.nan):
             words = np.frombuffer(content, np.uint64).copy()
             words[place] = np.float64(past).view(np.uint64)
-            instance = ball.instance()
-            try:
-                instance.restore_from(checked(words))
-                instance.step(0.75, 0.01)
-            except FmuError as error:
-                refused += "damaged" in str(error)
-            instance.free()
+            refused += is_refused(ball, words)
     assert refused >= 3
 
 

@@ -100,6 +100,7 @@ static void allocate(lag_batch *s, int64_t slots)
     s->path_begin = lanes(pool, s->system->nb);
     s->path_last = lanes(pool, s->system->nb);
     s->atol = lanes(pool, n);
+    s->rest = lanes(pool, n);
     s->noise = lanes(pool, n);
     s->strict = lanes(pool, n);
     s->size = lanes(pool, n);

@@ -82,7 +82,7 @@ struct lag_batch {
     double *lengths;                   /* of lanes: nc */
     /* of lanes: n, n, nq, nq, nq: as in run.h, and what is given there */
     double *atol, *size, *acceleration_terms, *future_acceleration, *emerging;
-    double *noise, *strict;            /* of lanes, n: as in run.h */
+    double *rest, *noise, *strict;     /* of lanes, n: as in run.h */
     int64_t noise_until[LAG_LANES];
     double *largest;                   /* of lanes: 2 kinds */
 

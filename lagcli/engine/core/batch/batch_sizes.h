@@ -59,6 +59,8 @@ static void batch_sizes_start(lag_batch *s, int lanes)
             s->emerging[i * LAG_LANES + l] = run->tolerances.emerging[i];
         }
         s->acceleration_terms[nq * LAG_LANES + l] = run->tolerances.acceleration_terms[nq];
+        for (int m = 0; m < lag_size(s->system); ++m)
+            s->rest[m * LAG_LANES + l] = run->tolerances.rest[m];
         batch_forget_noise(s, l);
     }
 }
@@ -80,7 +82,10 @@ static int batch_excuse(lag_batch *s, int lanes, const double *h, int attempt)
             run->step.f[m] = s->stages[m * LAG_LANES + l];
             tolerances->atol[m] = s->strict[m * LAG_LANES + l];
             tolerances->noise[m] = s->noise[m * LAG_LANES + l];
+            tolerances->rest[m] = s->rest[m * LAG_LANES + l];
         }
+        for (int i = 0; i < s->system->nq; ++i)
+            tolerances->emerging[i] = s->emerging[i * LAG_LANES + l];
         tolerances->size[2 * s->system->nq] = s->size[2 * s->system->nq * LAG_LANES + l];
         run->step.steps = s->counts[3 * s->run[l]];
         tolerances->noise_until = s->noise_until[l];
