@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from core_parts import lag_model, parts
 from core_runs import MODELS, data_of, prepared
+from two_routes import by_simulate
 
 from lagcli.engine.core.library import LIBRARY
-from lagcli.engine.core.run import METHODS, core
+from lagcli.engine.core.run import core
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import Arguments, lag_program, lag_report, lag_stream
 from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate import run
-from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.integrate.model_data import model_data
 from lagcli.engine.tape.operations import Op
 from lagcli.simulations.simulation import Simulation
@@ -34,7 +34,6 @@ STATUSES = (
 )
 PROGRAM = Path(__file__).parents[1] / "core" / "simulate.c"
 COMPILER = os.environ.get("CC", "cc").split()
-SHIPPED = sorted(str(path.relative_to(MODELS).with_suffix("")) for path in MODELS.rglob("*.yaml"))
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -87,23 +86,9 @@ def _table(lines: Any) -> Numbers:
 
 def expected(simulation: Simulation) -> Run:
     """Return a simulation by lagcli."""
-    blocks: list[Numbers] = []
-    outcome = integrate(
-        simulation.system, simulation.request, lambda block: blocks.append(np.column_stack(block))
-    )
-    assert outcome.status in ("completed", "stopped-by-event")
-    log = [
-        np.concatenate(
-            [
-                [e.time, OCCURRENCES.index(e.occurrence), e.which, e.loss, e.supplied, e.work],
-                *(e.modes, e.q, e.before, e.after, e.impulse),
-            ]
-        )
-        for e in outcome.events or ()
-    ]
-    rules = simulation.system.switching.events if simulation.system.switching else ()
-    stopped = [i for i, rule in enumerate(rules) if f"`{rule.name}` stopped" in outcome.message]
-    return Run(Status.DONE, [*stopped, -1][0], np.concatenate(blocks), np.array(log))
+    run = by_simulate(simulation)
+    assert run.completed
+    return Run(Status.DONE, run.event, run.samples, run.log)
 
 
 def check_equal(found: Run, simulation: Simulation) -> None:
@@ -141,18 +126,6 @@ def check_method(simulate: Callable[..., Run], name: str, method: str) -> None:
 def test_a_c_program_simulates_a_model_as_lagcli_does(
     name: str, method: str, simulate: Callable[..., Run]
 ) -> None:
-    check_method(simulate, name, method)
-
-
-@pytest.mark.slow
-@pytest.mark.bits
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_model_is_simulated_as_lagcli_does(
-    name: str, method: str, simulate: Callable[..., Run]
-) -> None:
-    if (name, method) == ("parallelogram", "Taylor"):
-        pytest.skip("the equations are solved densely: lagcli takes DOP853")
     check_method(simulate, name, method)
 
 
