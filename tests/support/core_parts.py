@@ -24,13 +24,7 @@ from lagcli.engine.core.structures import (
     Structure,
     address,
     lag_elimination,
-    lag_equations,
-    lag_jacobians,
-    lag_problem,
-    lag_program,
-    lag_series_program,
 )
-from lagcli.engine.core.switching import lag_switching_rules
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.tape.tape import Tape
 
@@ -70,12 +64,19 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
     "lag_part_acceleration_terms": (Doubles, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
-    "lag_read_model": (c_int, c_void_p, ctypes.c_int64, c_void_p),
+    # of programs without the binding
+    "lag_create": (c_void_p, *[c_void_p] * 3),
+    "lag_destroy": (None, c_void_p),
+    "lag_start": (c_int, c_void_p),
+    "lag_advance": (c_int, c_void_p, ctypes.c_int64),
+    "lag_use_tangent": (c_int, c_void_p, c_void_p, c_int, c_int),
+    "lag_use_explicit_time": (c_int, c_void_p, c_void_p),
+    "lag_use_breaks": (c_int, c_void_p, c_void_p, ctypes.c_int64),
+    "lag_use_functions": (c_int, c_void_p, c_void_p, c_int),
+    "lag_use_switching": (c_int, c_void_p, c_void_p),
+    "lag_read_model": (c_int, c_void_p, c_void_p, ctypes.c_int64, c_void_p),
+    "lag_release_model": (None, c_void_p),
     "lag_check_program": (c_int, c_void_p),
-    "lag_make_simulation": (c_int, *[c_void_p] * 4),
-    "lag_destroy_simulation": (None, c_void_p),
-    "lag_run_of": (c_void_p, c_void_p),
-    "lag_simulate": (c_int, c_void_p, ctypes.c_int64),
     "lag_simulate_to": (c_int, c_void_p, c_double),
     "lag_stopped_by": (c_int, c_void_p),
     "lag_log_of": (Doubles, c_void_p, c_void_p, c_void_p),
@@ -85,26 +86,6 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
 }
 for name, (result, *arguments) in SIGNATURES.items():
     getattr(parts, name).restype, getattr(parts, name).argtypes = result, arguments
-
-
-class lag_model(Structure):
-    _fields_ = (
-        ("equations", lag_equations),
-        ("problem", lag_problem),
-        ("contents", c_int),
-        ("unroll_after", ctypes.c_int64),
-        ("breaks", Doubles),
-        ("break_count", ctypes.c_int64),
-        *((name, c_int) for name in ("function_count", "pivots_count", "event_count")),
-        *((name, c_void_p) for name in ("functions", "pivots", "events")),
-        ("left_out", Integers),
-        *((name, lag_program) for name in ("dynamics", "unrolled", "explicit_time")),
-        ("elimination", lag_elimination),
-        ("series", lag_series_program),
-        ("jacobians", lag_jacobians),
-        ("rules", lag_switching_rules),
-        *((name, lag_program) for name in ("actions", "energy")),
-    )
 
 
 class lag_contacts(Structure):

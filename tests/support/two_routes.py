@@ -6,12 +6,12 @@ from ctypes import byref, c_int, c_int64, c_void_p
 from typing import Any, NamedTuple
 
 import numpy as np
-from core_parts import lag_model, parts
+from core_parts import parts
 
 from lagcli.engine.core.library import KERNEL
 from lagcli.engine.core.run import core
 from lagcli.engine.core.status import Status
-from lagcli.engine.core.structures import Doubles, copied, lag_report
+from lagcli.engine.core.structures import Doubles, copied, lag_model, lag_report
 from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.integrate.model_data import model_data
@@ -78,23 +78,24 @@ def by_page(simulation: Simulation, method: str) -> Route:
     """Run it as a page or an FMU does, by a method."""
     data = model_data(simulation.system, simulation.request, (method,))
     words, model = np.frombuffer(data, dtype=np.int64).copy(), lag_model()
-    assert parts.lag_read_model(words.ctypes.data, len(data), byref(model)) == 0
+    assert parts.lag_read_model(None, words.ctypes.data, len(data), byref(model)) == 0
     e, problem = model.equations, model.problem
     block = np.empty((problem.block_rows, 2 + 3 * e.nq + e.nc + problem.extra))
     problem.block, problem.kernel = Doubles(block.ctypes.data), KERNEL
     made = c_void_p()
-    status = parts.lag_make_simulation(None, byref(model), method.encode(), byref(made))
+    status = core.lag_make_simulation(None, byref(model), method.encode(), byref(made))
     assert status == 0, status
     try:
         return _go_on(made, block)
     finally:
-        parts.lag_destroy_simulation(made)
+        core.lag_destroy_simulation(made)
+        parts.lag_release_model(byref(model))
 
 
 def _go_on(made: c_void_p, block: Numbers) -> Route:
-    run, rows, repeated = parts.lag_run_of(made), [], 0
+    run, rows, repeated = core.lag_run_of(made), [], 0
     while True:
-        status = Status(parts.lag_simulate(made, 1000))
+        status = Status(core.lag_simulate(made, 1000))
         rows.append(block[: core.lag_take(run)].copy())
         if status == Status.OVER and repeated < REPEATS:
             repeated += 1

@@ -1,4 +1,4 @@
-"""The fields of structures of `lagcore.h`, by their names."""
+"""The fields of structures of `lagcore.h` and `lagmodel.h`, by their names."""
 
 from __future__ import annotations
 
@@ -8,12 +8,44 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.core.structures import lag_model
 
 if TYPE_CHECKING:
     from lagcli.engine.linear.elimination import Elimination
     from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
     from lagcli.engine.system import JacobianTapes, System
     from lagcli.engine.taylor.series import SeriesProgram
+
+
+#: lag_model_contents, by a part that is there then.
+_CONTENTS = {
+    "dynamics": 1,
+    "elimination": 2,
+    "unrolled": 4,
+    "explicit_time": 8,
+    "series": 16,
+    "jacobians": 32,
+    "rules": 64,
+    "tangent": 128,
+}
+
+
+def model_fields(**parts: Any) -> dict[str, Any]:
+    """Return what a run needs, `lag_model`.
+
+    Parameters
+    ----------
+    **parts
+        Fields by their names, without counts: dictionaries of the fields of structures, lists of
+        these, programs, numbers. What is not given is not there.
+    """
+    names = [name for name, *_ in lag_model._fields_]
+    model: dict[str, Any] = dict.fromkeys(names) | parts
+    model["contents"] = sum(bit for name, bit in _CONTENTS.items() if model[name] is not None)
+    counts = {"breaks": "break_count", "functions": "function_count", "events": "event_count"}
+    for name, count in {**counts, "pivots": "pivots_count"}.items():
+        model[count] = 0 if model[name] is None else len(model[name])
+    return model
 
 
 def equations_fields(system: System, constraint: Program) -> dict[str, Any]:

@@ -43,6 +43,7 @@ enum lag_model_contents {
     LAG_MODEL_SERIES = 16,
     LAG_MODEL_JACOBIANS = 32,
     LAG_MODEL_SWITCHING = 64,
+    LAG_MODEL_TANGENT = 128,           /* not in data: the equations are those of a motion and its derivatives */
 };
 
 /* Why a model is rejected, or a simulation of it. */
@@ -76,9 +77,16 @@ typedef struct {
     int stops;                         /* whether it ends the run */
 } lag_event;
 
-/* What has been read: it points into the data, which must live as long as it and its simulations. The problem is
- * that of the simulation that the data were written for; times, tolerances and so on may be changed before a
- * simulation is made. The breaks are those up to t_end; without LAG_MODEL_SWITCHING, `rules` is empty. */
+/* An order of pivots of a method, by its number. */
+typedef struct {
+    int method;
+    lag_pivots pivots;
+} lag_method_pivots;
+
+/* What a run needs, whether it is read or a program fills it. What it points to must live as long as it and its simulations:
+ * the data from which it is read. The problem is that of the simulation that the data were written for; times, tolerances and
+ * so on may be changed before a simulation is made. The breaks are those up to t_end; without LAG_MODEL_SWITCHING,
+ * `rules` is empty. The log of the rules is NULL where the simulation has its own. */
 typedef struct {
     lag_equations equations;
     lag_problem problem;
@@ -87,18 +95,25 @@ typedef struct {
     const double *breaks;
     int64_t break_count;
     int function_count, pivots_count, event_count;
-    const void *functions, *pivots, *events; /* where they are in the data */
+    const lag_function *functions;
+    const lag_method_pivots *pivots;   /* in the order in which runs of a method ask for them */
+    const lag_event *events;
     const int32_t *left_out;           /* nc - rank; NULL without an elimination */
     lag_program dynamics, unrolled, explicit_time;
     lag_elimination elimination;
     lag_series_program series;
     lag_jacobians jacobians;
     lag_switching_rules rules;
-    lag_program actions, energy;
+    lag_program actions, energy;       /* empty where the caller answers LAG_HAPPENED */
+    lag_program tangent;               /* for lag_use_tangent, with ... */
+    int tangent_blocks, tangent_complete;
+    void *owned;                       /* what lag_release_model releases; NULL */
 } lag_model;
 
-/* Read and check a model. Returns a lag_model_status. */
-int lag_read_model(const void *data, int64_t bytes, lag_model *model);
+/* Read and check a model. Without `memory` it uses malloc and free. Returns a lag_model_status; what it has allocated is
+ * released unless that is LAG_MODEL_READ. */
+int lag_read_model(const lag_memory *memory, const void *data, int64_t bytes, lag_model *model);
+void lag_release_model(lag_model *model);
 
 /* Check that a program stays within its registers: LAG_MODEL_READ or LAG_MODEL_PROGRAM. Its deferred streams may be
  * empty. */
@@ -125,6 +140,12 @@ int lag_simulate(lag_simulation *simulation, int64_t steps);
  * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. LAG_NEAR is accepted; after LAG_OVER
  * shorter steps are tried. */
 int lag_simulate_to(lag_simulation *simulation, double t);
+
+/* Let it return these statuses, a sum of 1 << lag_status, too, instead of doing what is to be done there: the caller does, and
+ * lets it continue. Whoever answers LAG_HAPPENED performs the actions of events, and takes the run's log: lag_take_log. After
+ * lag_begin_again_here, the simulation begins its motion again, from where it is. */
+void lag_let_answer(lag_simulation *simulation, int64_t statuses);
+void lag_begin_again_here(lag_simulation *simulation);
 
 /* The event that has ended it, or -1. */
 int lag_stopped_by(const lag_simulation *simulation);

@@ -16,7 +16,7 @@ from lagcli.engine.core import fingerprint
 from lagcli.errors import Diagnostic, LagcliError
 
 #: Functions that take long, during which other threads of Python run.
-_LONG = {"lag_start", "lag_advance", "lag_batch_advance", "lag_table_evaluate"}
+_LONG = {"lag_simulate", "lag_batch_advance", "lag_table_evaluate"}
 
 LIBRARY = fingerprint.library_in(fingerprint.CORE)
 

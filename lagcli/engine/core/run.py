@@ -21,23 +21,21 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.core.fields import (
     elimination_fields,
-    equations_fields,
-    function_fields,
     jacobian_fields,
     pivot_fields,
     series_fields,
 )
 from lagcli.engine.core.library import KERNEL, Functions, check
 from lagcli.engine.core.program import Program
+from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
     address,
     copied,
     lag_elimination,
-    lag_equations,
-    lag_function,
     lag_jacobians,
+    lag_model,
     lag_pivots,
     lag_problem,
     lag_report,
@@ -58,8 +56,12 @@ core = Functions(
     {
         "lag_method_at": (c_void_p, c_int),
         "lag_method_name": (c_char_p, c_void_p),
-        "lag_create": (c_void_p, c_void_p, c_void_p, c_void_p),
-        "lag_destroy": (None, c_void_p),
+        "lag_make_simulation": (c_int, c_void_p, c_void_p, c_void_p, c_void_p),
+        "lag_destroy_simulation": (None, c_void_p),
+        "lag_run_of": (c_void_p, c_void_p),
+        "lag_simulate": (c_int, c_void_p, c_int64),
+        "lag_let_answer": (None, c_void_p, c_int64),
+        "lag_begin_again_here": (None, c_void_p),
         "lag_use_dense": (c_int, c_void_p, c_void_p),
         "lag_use_elimination": (c_int, c_void_p, c_void_p, c_void_p),
         "lag_use_unrolled": (c_int, c_void_p, c_void_p),
@@ -70,13 +72,7 @@ core = Functions(
         "lag_use_jacobians": (c_int, c_void_p, c_void_p),
         "lag_matrix": (Doubles, c_void_p),
         "lag_use_pivots": (c_int, c_void_p, c_void_p),
-        "lag_use_tangent": (c_int, c_void_p, c_void_p, c_int, c_int),
-        "lag_use_explicit_time": (c_int, c_void_p, c_void_p),
-        "lag_use_breaks": (c_int, c_void_p, c_void_p, c_int64),
-        "lag_use_functions": (c_int, c_void_p, c_void_p, c_int),
         "lag_switch": (c_int, c_void_p, c_void_p),
-        "lag_start": (c_int, c_void_p),
-        "lag_advance": (c_int, c_void_p, c_int64),
         "lag_sample_until": (c_int, c_void_p, c_double),
         "lag_take": (c_int64, c_void_p),
         "lag_dense": (None, c_void_p, c_double, c_void_p),
@@ -105,17 +101,21 @@ def _methods() -> tuple[str, ...]:
 METHODS = _methods()
 
 
+#: All that a simulation may return: the caller answers it.
+_EVERY_STATUS = sum(1 << status for status in Status)
+#: lag_model_status: there is no memory.
+_NO_MEMORY = 9
+
+
 class Integrator:
-    """Steps with projection on a System; see core/run.h.
+    """Steps with projection on a System; see core/lagmodel.h and core/run.h.
 
     Parameters
     ----------
     system : System
-    constraint : Program
-        Of ``system.constraint``.
-    problem : dict
-        The fields of `lag_problem`, by their names there. ``parameters`` are the values of all
-        parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
+    model : dict
+        The fields of `lag_model`: `model_fields`. In its problem, ``parameters`` are the values of
+        all parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
         ``directions``. The number of times, the block and the kernel are added here.
 
     Attributes
@@ -126,72 +126,51 @@ class Integrator:
         The orders of pivots that have been used.
     """
 
-    _run: int | None = None
+    _simulation: int | None = None
 
-    def __init__(self, system: System, constraint: Program, problem: dict[str, Any]):
-        given = Arguments()
-        equations = given.filled(lag_equations, **equations_fields(system, constraint))
+    def __init__(self, system: System, model: dict[str, Any]):
+        self._given = given = Arguments()  # the simulation points into its arrays
+        equations, problem = model["equations"], model["problem"]
         self._system = system
-        self._nq, self._nc = equations.nq, equations.nc
+        self._nq, self._nc = equations["nq"], equations["nc"]
         self._n = 2 * self._nq + 1
         self._carried = 2 * self._nq * problem["directions"]
         width = SampleLayout(Counts(self._nq, self._nc)).size + problem["extra"]
         width += problem["directions"] * (3 * self._nq + self._nc + problem["extra"])
         self.block = np.empty((problem["block_rows"], width))
         self._times = int(np.size(problem["times"]))
-        record = self._problem(given, problem)
-        self._run = core.lag_create(None, byref(equations), byref(record))
-        check(not self._run)
+        record = given.filled(lag_model, **model | {"problem": self._complete(problem)})
+        made = c_void_p()
+        status = core.lag_make_simulation(None, byref(record), METHODS[0].encode(), byref(made))
+        check(status == _NO_MEMORY)
+        if status:
+            raise ValueError(f"the core refuses the problem: lag_model_status {status}")
+        self._simulation = made.value
+        self._run: int = core.lag_run_of(made)
+        core.lag_let_answer(made, _EVERY_STATUS)
         self.orders: list[PivotOrder] = []
         # one record for all: creating one takes longer than filling it
         self._written = lag_report()
         self._written_to = addressof(self._written)
-        self._use_functions(system)
 
-    def _problem(self, given: Arguments, problem: dict[str, Any]) -> Any:
-        return given.filled(
-            lag_problem,
-            **problem
-            | {
-                "parameters": self._system.held_at(problem["t"], problem["parameters"]),
-                "times_count": self._times,
-                "block": self.block,
-                "kernel": KERNEL,
-            },
-        )
+    def _complete(self, problem: dict[str, Any]) -> dict[str, Any]:
+        """Return a problem with what is added here."""
+        return problem | {
+            "parameters": self._system.held_at(problem["t"], problem["parameters"]),
+            "times_count": self._times,
+            "block": self.block,
+            "kernel": KERNEL,
+        }
 
     # an argument, because globals may be gone when the interpreter exits
-    def __del__(self, destroy: Any = core.lag_destroy) -> None:
-        if self._run:
-            destroy(self._run)
+    def __del__(self, destroy: Any = core.lag_destroy_simulation) -> None:
+        if self._simulation:
+            destroy(self._simulation)
 
-    def _use_functions(self, system: System) -> None:
-        functions = function_fields(system)
-        if not functions:
-            return
-        given = Arguments()
-        records = (lag_function * len(functions))(
-            *(given.filled(lag_function, **fields) for fields in functions)
-        )
-        self._tables = given  # the core copies none of their numbers
-        check(core.lag_use_functions(self._run, records, len(functions)))
-
-    def _use(self, function: Callable[..., int], program: Program, *arguments: int) -> None:
+    def _use(self, function: Callable[..., int], program: Program) -> None:
         """Call a function of the core with a program."""
         given = Arguments()
-        check(function(self._run, byref(given.program(program)), *arguments))
-
-    def use_tangent(self, tangent: Program, blocks: int, complete: bool) -> None:
-        """Declare a System of the motion and its derivatives, in blocks; before the dynamics.
-
-        Parameters
-        ----------
-        tangent : Program
-            Of ``system.tangent.tape``.
-        blocks, complete
-            As in ``system.tangent``.
-        """
-        self._use(core.lag_use_tangent, tangent, blocks, complete)
+        check(function(self._run, byref(given.program(program))))
 
     def use_dense(self, dynamics: Program) -> None:
         """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""
@@ -271,15 +250,6 @@ class Integrator:
         self._pattern = pattern
         check(core.lag_use_jacobians(self._run, byref(record)))
 
-    def resolve_time(self, program: Program) -> None:
-        """Limit steps so that they resolve functions that depend on t explicitly: their program."""
-        self._use(core.lag_use_explicit_time, program)
-
-    def end_steps_at(self, times: ArrayLike) -> None:
-        """End steps at times, which increase: the right side is not smooth there."""
-        given = Arguments()
-        check(core.lag_use_breaks(self._run, given.doubles(times), np.size(times)))
-
     def switch(self, method: str) -> int:
         """Continue with a method of `METHODS`; an implicit one must be prepared."""
         status: int = core.lag_switch(self._run, core.lag_method_at(METHODS.index(method)))
@@ -296,13 +266,13 @@ class Integrator:
         check(core.lag_use_pivots(self._run, byref(record)))
 
     def start(self) -> int:
-        """Prepare the first step, and store the samples at the start."""
-        status: int = core.lag_start(self._run)
-        return status
+        """Prepare the first step from here, and store the samples here."""
+        core.lag_begin_again_here(self._simulation)
+        return self.advance(0)
 
     def advance(self, slice_: int) -> int:
         """Take at most ``slice_`` steps."""
-        status: int = core.lag_advance(self._run, slice_)
+        status: int = core.lag_simulate(self._simulation, slice_)
         return status
 
     def sample_until(self, end: float) -> int:
@@ -358,7 +328,8 @@ class Integrator:
         self.restore(saved)
         self.orders = []
         given = Arguments()
-        core.lag_begin_again(self._run, byref(self._problem(given, problem)))
+        record = given.filled(lag_problem, **self._complete(problem))
+        core.lag_begin_again(self._run, byref(record))
 
     @property
     def report(self) -> lag_report:
@@ -434,6 +405,6 @@ class Integrator:
         return SampleLayout(Counts(self._nq, self._nc)).size
 
     @property
-    def handle(self) -> int | None:
+    def handle(self) -> int:
         """Address of the run."""
         return self._run

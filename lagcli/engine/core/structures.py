@@ -1,4 +1,4 @@
-"""Structures of `lagcore.h` and `lagbatch.h`, and how they are filled.
+"""Structures of `lagcore.h`, `lagmodel.h` and `lagbatch.h`, and how they are filled.
 
 Structures and fields have their names and order in C, where each is explained. A pointer is to
 numbers of 8 bytes (`Doubles`) or to integers of 4 (`Integers`).
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import c_char, c_double, c_int, c_int64, c_void_p
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -35,6 +35,17 @@ class Structure(ctypes.Structure):
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
+
+
+class _Records(c_void_p):
+    """A pointer to structures."""
+
+    of: type[Structure]
+
+
+def _records(of: type[Structure]) -> type[_Records]:
+    """Return the type of pointers to structures of a type."""
+    return type(f"{of.__name__}s", (_Records,), {"of": of})
 
 
 def each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -177,6 +188,71 @@ class lag_event(Structure):
     ]
 
 
+class lag_switching_rules(Structure):
+    """Switched rows of constraints, kinks, conditions and clocks."""
+
+    _fields_ = (
+        *each(c_int, "rows exported nc"),
+        *each(Integers, "constraint base law limit normal place"),
+        ("sign", Doubles),
+        *each(Integers, "active friction restitution"),
+        *each(c_int, "nb nh"),
+        *each(Integers, "row column"),
+        *each(lag_program, "functions gaps"),
+        ("signs", c_int),
+        *each(lag_program, "sign_functions limits"),
+        *each(c_int, "nl pattern_count"),
+        *each(Integers, "pattern_limit pattern_row"),
+        ("impact", lag_program),
+        *each(c_int, "nf force_count"),
+        *each(Integers, "force_coordinate force_row force_constraint"),
+        ("forces", lag_program),
+        *each(c_int, "conditions force_conditions"),
+        *each(lag_program, "condition_functions force_condition_functions"),
+        *each(Integers, "either time"),
+        ("clocks", c_int),
+        ("ticks", Doubles),
+        *each(Integers, "most reported"),
+        *each(c_int, "kinks first_branch"),
+        *each(Integers, "whole of_time"),
+        ("kink_functions", lag_program),
+        ("log", Doubles),
+        ("log_rows", c_int64),
+    )
+
+
+class lag_method_pivots(Structure):
+    """An order of pivots of a method."""
+
+    _fields_ = [("method", c_int), ("pivots", lag_pivots)]
+
+
+class lag_model(Structure):
+    """What a run needs, of lagmodel.h."""
+
+    _fields_ = [
+        ("equations", lag_equations),
+        ("problem", lag_problem),
+        ("contents", c_int),
+        ("unroll_after", c_int64),
+        ("breaks", Doubles),
+        ("break_count", c_int64),
+        *each(c_int, "function_count pivots_count event_count"),
+        ("functions", _records(lag_function)),
+        ("pivots", _records(lag_method_pivots)),
+        ("events", _records(lag_event)),
+        ("left_out", Integers),
+        *each(lag_program, "dynamics unrolled explicit_time"),
+        ("elimination", lag_elimination),
+        ("series", lag_series_program),
+        ("jacobians", lag_jacobians),
+        ("rules", lag_switching_rules),
+        *each(lag_program, "actions energy tangent"),
+        *each(c_int, "tangent_blocks tangent_complete"),
+        ("owned", c_void_p),
+    ]
+
+
 class lag_report(Structure):
     """The state of a run."""
 
@@ -268,12 +344,15 @@ class Arguments:
     def filled(self, structure: type[_S], /, **values: Any) -> _S:
         """Return a structure from the values of all its fields.
 
-        Arrays and lists become pointers, programs become structures; None is NULL.
+        Arrays and lists become pointers, programs and dictionaries become structures; None is NULL,
+        or a structure of zeros.
         """
-        made = structure()
-        for name, of in structure._fields_:  # type: ignore[misc]
+        made, fields = structure(), cast("list[tuple[str, Any]]", structure._fields_)
+        for name, of in fields:
             value = values.pop(name)
-            if value is None or of is c_void_p:
+            if value is None:
+                continue
+            if of is c_void_p:
                 pass
             elif of is Doubles:
                 value = self.doubles(value)
@@ -287,6 +366,12 @@ class Arguments:
                 value = lag_block(len(value), self.integers(value))
             elif of is lag_settings:
                 value = of(**value)
+            elif issubclass(of, _Records):
+                records = (of.of * len(value))(*(self.filled(of.of, **x) for x in value))
+                self.arrays.append(records)
+                value = ctypes.addressof(records)
+            elif issubclass(of, Structure):
+                value = self.filled(of, **value)
             setattr(made, name, value)
         if values:
             raise TypeError(f"{structure.__name__} has no {', '.join(values)}")

@@ -37,39 +37,6 @@ if TYPE_CHECKING:
     from lagcli.engine.tape.ticks import Ticks
 
 
-class lag_switching_rules(Structure):
-    """Switched rows of constraints, kinks, conditions and clocks."""
-
-    _fields_ = (
-        *each(c_int, "rows exported nc"),
-        *each(Integers, "constraint base law limit normal place"),
-        ("sign", Doubles),
-        *each(Integers, "active friction restitution"),
-        *each(c_int, "nb nh"),
-        *each(Integers, "row column"),
-        *each(lag_program, "functions gaps"),
-        ("signs", c_int),
-        *each(lag_program, "sign_functions limits"),
-        *each(c_int, "nl pattern_count"),
-        *each(Integers, "pattern_limit pattern_row"),
-        ("impact", lag_program),
-        *each(c_int, "nf force_count"),
-        *each(Integers, "force_coordinate force_row force_constraint"),
-        ("forces", lag_program),
-        *each(c_int, "conditions force_conditions"),
-        *each(lag_program, "condition_functions force_condition_functions"),
-        *each(Integers, "either time"),
-        ("clocks", c_int),
-        ("ticks", Doubles),
-        *each(Integers, "most reported"),
-        *each(c_int, "kinks first_branch"),
-        *each(Integers, "whole of_time"),
-        ("kink_functions", lag_program),
-        ("log", Doubles),
-        ("log_rows", c_int64),
-    )
-
-
 class lag_instant_report(Structure):
     """An instant at which something switches."""
 
@@ -127,7 +94,6 @@ class lag_loss_report(Structure):
 
 core = Functions(
     {
-        "lag_use_switching": (c_int, c_void_p, c_void_p),
         "lag_instant_of": (lag_instant_report, c_void_p),
         "lag_contacts_of": (lag_contact_report, c_void_p),
         "lag_condition_happened": (c_int, c_void_p, c_int),
@@ -164,12 +130,15 @@ def rules_fields(
     frozen: FrozenSystem | None,
     clocks: Sequence[tuple[Ticks, int]],
 ) -> dict[str, Any]:
-    """Return what switches, `lag_switching_rules` without the log.
+    """Return what switches, `lag_switching_rules` without a log.
 
     Parameters
     ----------
-    split, frozen, clocks
-        Of `SwitchingIntegrator`.
+    split : SplitSystem
+    frozen : FrozenSystem or None
+        Where the System has kinks: what ``split`` is of.
+    clocks : sequence of (Ticks, int)
+        Clocks of events, and the largest number of their ticks, 0 without a limit.
     """
     system, switching, pattern = split.system, split.switching, split.pattern
     state, held = system.dynamics.inputs, system.dynamics.parameters
@@ -253,6 +222,8 @@ def rules_fields(
         "whole": [x.whole for x in kinks],
         "of_time": [x.timed for x in kinks],
         "kink_functions": program(frozen.functions if frozen else None),
+        "log": None,
+        "log_rows": 0,
     }
 
 
@@ -262,39 +233,24 @@ class SwitchingIntegrator(Integrator):
     Parameters
     ----------
     split : SplitSystem
-    frozen : FrozenSystem or None
-        Where the System has kinks: what ``split`` is of.
-    constraint, problem
-        Of `Integrator`, for ``split.fixed``, with the rows of ``split`` as extra numbers.
+    model : dict
+        As for `Integrator`, of ``split.fixed``, with the rows of ``split`` as extra numbers.
     log_rows : int
         Entries of the log that are kept before they are passed on.
-    clocks : sequence of (Ticks, int)
-        Clocks of events, and the largest number of their ticks, 0 without a limit.
     """
 
-    def __init__(
-        self,
-        split: SplitSystem,
-        frozen: FrozenSystem | None,
-        constraint: Program,
-        problem: dict[str, Any],
-        *,
-        log_rows: int,
-        clocks: Sequence[tuple[Ticks, int]],
-    ):
-        super().__init__(split.fixed, constraint, problem)
-        self._directions = problem["directions"]
-        given, fields = Arguments(), rules_fields(split, frozen, clocks)
-        self._split, self._rows, self._clocks = split, fields["rows"], fields["clocks"]
-        self._conditions = fields["conditions"] + fields["force_conditions"]
-        self._kinks, self._first_branch = fields["kinks"], fields["first_branch"]
+    def __init__(self, split: SplitSystem, model: dict[str, Any], *, log_rows: int):
+        rules, self._directions = model["rules"], model["problem"]["directions"]
+        self._split, self._rows, self._clocks = split, rules["rows"], rules["clocks"]
+        self._conditions = rules["conditions"] + rules["force_conditions"]
+        self._kinks, self._first_branch = rules["kinks"], rules["first_branch"]
         self.entry_counts = EntryCounts(
-            self._nq, fields["nc"], fields["exported"], self._directions
+            model["equations"]["nq"], rules["nc"], rules["exported"], self._directions
         )
         width = entry_layout(self.entry_counts).size
         self._log = np.empty((max(log_rows, 8 * self._rows + 8), width))
-        record = given.filled(lag_switching_rules, **fields, log=self._log, log_rows=len(self._log))
-        check(core.lag_use_switching(self._run, byref(record)))
+        log = {"log": self._log, "log_rows": len(self._log)}
+        super().__init__(split.fixed, model | {"rules": rules | log})
 
     def take_log(self) -> Array:
         """Return the rows of the log since the last call, valid until the run continues:

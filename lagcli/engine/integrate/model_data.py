@@ -13,13 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.engine.contract import IntegrationRequest, breaks_of
+from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.core import run as core_run
 from lagcli.engine.core.fields import (
-    elimination_fields,
-    equations_fields,
-    function_fields,
     jacobian_fields,
+    model_fields,
     pivot_fields,
     series_fields,
 )
@@ -29,19 +27,11 @@ from lagcli.engine.core.structures import (
     Integers,
     Structure,
     lag_block,
-    lag_elimination,
-    lag_equations,
-    lag_event,
-    lag_function,
-    lag_jacobians,
-    lag_pivots,
-    lag_problem,
+    lag_model,
     lag_program,
-    lag_series_program,
-    lag_settings,
     lag_stream,
 )
-from lagcli.engine.core.switching import CHANGES, lag_switching_rules, rules_fields
+from lagcli.engine.core.switching import CHANGES
 from lagcli.engine.integrate.engine import switches
 from lagcli.engine.integrate.prepared import unrolled
 from lagcli.engine.integrate.run import Integration
@@ -52,8 +42,7 @@ from lagcli.engine.system import ENERGY, System
 from lagcli.settings.methods import METHODS
 
 _MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 7
-#: lag_model_contents.
-_PLAIN, _LOOP, _UNROLLED, _TIME, _SERIES, _JACOBIANS, _SWITCHING = (1 << i for i in range(7))
+_TYPES: dict[str, Any] = dict(lag_model._fields_)  # type: ignore[arg-type]
 _KINDS = ("q", "v", "p")
 
 
@@ -72,55 +61,29 @@ def model_data(
         takes a run by it.
     """
     run = _integration(system, request, "DOP853")
-    prepared = run.in_use
-    whole = unrolled(run.system, prepared).whole
-    contents = 0
-    parts: list[bytes] = []
-
-    def add(bit: int, *data: bytes) -> None:
-        nonlocal contents
-        contents |= bit
-        parts.extend(data)
-
-    problem = run.problem() | {
-        "detecting": 0,
-        "parameters": run.system.held_at(request.state.t, run.request.state.p),
-        "times_count": np.size(request.times),
-        "block": None,
-        "kernel": 0,
-    }
-    functions = function_fields(run.system)
-    add(
-        0,
-        _structure(lag_equations, equations_fields(run.system, prepared.constraint)),
-        _structure(lag_problem, problem),
-        numbers_data(breaks_of(run.system, run.request)),
-        word_data(len(functions)),
-        *(_structure(lag_function, fields) for fields in functions),
+    prepared, start = run.in_use, run.request.state
+    parts = run.parts(
+        prepared,
+        run.problem()
+        | {
+            "detecting": 0,
+            "parameters": run.system.held_at(start.t, start.p),
+            "times_count": np.size(request.times),
+            "block": None,
+            "kernel": 0,
+        },
     )
-    if prepared.elimination is not None and run.redundant:
-        add(0, integers_data(prepared.elimination.left_out(run.system)))
-    if prepared.whole is None:
-        add(_PLAIN, program_data(prepared.dynamics))
-        if prepared.elimination is not None:
-            plan = elimination_fields(run.system, prepared.elimination)
-            add(_LOOP, _structure(lag_elimination, plan))
-    if whole is not None:
-        add(_UNROLLED, program_data(whole))
-    explicit = run.explicit_time()
-    if explicit is not None:
-        add(_TIME, program_data(explicit))
+    parts["unrolled"] = unrolled(run.system, prepared).whole
+    parts["unroll_after"] = int(run.unroll_at) if math.isfinite(run.unroll_at) else 0
     series = run.series_program(unrolled(run.system, prepared)) if "Taylor" in methods else ""
     if not isinstance(series, str):
-        add(_SERIES, _structure(lag_series_program, series_fields(series)))
+        parts["series"] = series_fields(series)
     implicit = [name for name in methods if METHODS[name].implicit]
     if implicit and run.system.variation is not None:
-        add(_JACOBIANS, *_jacobians(run, system, request, implicit))
+        parts |= _jacobians(run, system, request, implicit)
     if isinstance(run, SwitchingIntegration):
-        add(_SWITCHING, *_switching(run))
-    unroll_after = int(run.unroll_at) if math.isfinite(run.unroll_at) else 0
-    body = word_data(contents) + word_data(unroll_after) + b"".join(parts)
-    return word_data(_MAGIC) + word_data(_VERSION) + word_data(3 + len(body) // 8) + body
+        parts |= _actions(run)
+    return _data(model_fields(**parts))
 
 
 def _integration(system: System, request: IntegrationRequest, method: str) -> Integration:
@@ -132,11 +95,11 @@ def _integration(system: System, request: IntegrationRequest, method: str) -> In
 
 def _jacobians(
     run: Integration, system: System, request: IntegrationRequest, methods: Iterable[str]
-) -> Iterator[bytes]:
+) -> dict[str, Any]:
+    """Return the derivatives that implicit methods need, and orders of pivots."""
     assert run.system.variation is not None
     variation = run.system.variation()
     pattern = matrix_pattern(run.system, variation, run.request.rank)
-    yield _structure(lag_jacobians, jacobian_fields(variation, pattern, run.nq))
     orders = []
     for name in methods:
         if METHODS[name].exact and not variation.exact:
@@ -144,25 +107,24 @@ def _jacobians(
         nominal = _integration(system, request, name)
         nominal.run()
         number = core_run.METHODS.index(name)
-        orders += [(number, pivot_fields(order)) for order in nominal.core.orders]
-    yield word_data(len(orders))
-    for number, fields in orders:
-        yield word_data(number) + _structure(lag_pivots, fields)
+        orders += [{"method": number, "pivots": pivot_fields(x)} for x in nominal.core.orders]
+    return {"jacobians": jacobian_fields(variation, pattern, run.nq), "pivots": orders}
 
 
-def _switching(run: SwitchingIntegration) -> Iterator[bytes]:
+def _actions(run: SwitchingIntegration) -> dict[str, Any]:
+    """Return the events, and what they do."""
     split = run.split_system
-    rules = rules_fields(split, run.frozen, run.ticks())
-    yield _structure(lag_switching_rules, rules | {"log": None, "log_rows": 0})
     actions, report = split.switching.actions, split.system.report
-    yield program_data(split.program(actions if actions else report.selected(())))
-    yield program_data(assemble(report.selected([ENERGY])))
-    events = split.switching.events
-    yield word_data(len(events))
     place = {row.row: i for i, row in enumerate(split.switching.rows)}
-    for rule in events:
-        displaces = rule.displaces(run.whole.constraining)
-        yield _structure(lag_event, _event(rule, place, displaces))
+    events = [
+        _event(rule, place, rule.displaces(run.whole.constraining))
+        for rule in split.switching.events
+    ]
+    return {
+        "actions": split.program(actions if actions else report.selected(())),
+        "energy": assemble(report.selected([ENERGY])),
+        "events": events,
+    }
 
 
 def _event(rule: EventRule, place: dict[int, int], displaces: bool) -> dict[str, Any]:
@@ -188,6 +150,35 @@ def _event(rule: EventRule, place: dict[int, int], displaces: bool) -> dict[str,
     }
 
 
+def _data(model: dict[str, Any]) -> bytes:
+    """Return a model as data, in the order of `lagmodel.h`."""
+
+    def there(*names: str) -> Iterator[bytes]:
+        for name in names:
+            if model[name] is not None:
+                yield _field(_TYPES[name], model[name])
+
+    def listed(name: str) -> Iterator[bytes]:
+        values = model[name] or ()
+        yield word_data(len(values))
+        for fields in values:
+            yield _structure(_TYPES[name].of, fields)
+
+    parts = [
+        word_data(model["contents"]),
+        word_data(model["unroll_after"]),
+        *there("equations", "problem", "breaks"),
+        *listed("functions"),
+        *there("left_out", "dynamics", "elimination", "unrolled", "explicit_time", "series"),
+    ]
+    if model["jacobians"] is not None:
+        parts += [*there("jacobians"), *listed("pivots")]
+    if model["rules"] is not None:
+        parts += [*there("rules", "actions", "energy"), *listed("events")]
+    body = b"".join(parts)
+    return word_data(_MAGIC) + word_data(_VERSION) + word_data(3 + len(body) // 8) + body
+
+
 def _structure(structure: type[Structure], values: dict[str, Any]) -> bytes:
     """Return the fields of a structure, in their order."""
     return b"".join(_field(of, values[name]) for name, of in structure._fields_)  # type: ignore[misc]
@@ -204,10 +195,9 @@ def _field(of: Any, value: Any) -> bytes:
         return numbers_data(value)
     if of is lag_program:
         return program_data(value)
-    if of is lag_settings:
-        return _structure(of, value)
-    assert of in (Integers, lag_stream, lag_block)
-    return integers_data(value)
+    if of in (Integers, lag_stream, lag_block):
+        return integers_data(value)
+    return _structure(of, value)
 
 
 def word_data(value: int) -> bytes:

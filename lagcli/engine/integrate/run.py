@@ -27,6 +27,12 @@ from lagcli.engine.contract import (
     breaks_of,
     outcome,
 )
+from lagcli.engine.core.fields import (
+    elimination_fields,
+    equations_fields,
+    function_fields,
+    model_fields,
+)
 from lagcli.engine.core.program import Program
 from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.settings import core_values
@@ -111,20 +117,10 @@ class Integration:
         recursive = system.recursive_form is not None and not self.redundant
         self.may_recur = recursive and not for_batch
         prepared = self.prepared()
-        self.core = self.integrator(prepared.constraint, self.problem())
-        if system.tangent is not None:
-            assert prepared.tangent is not None
-            blocks, complete = system.tangent.blocks, system.tangent.complete
-            self.core.use_tangent(prepared.tangent, blocks, complete)
-        self.use(prepared)
+        self.core = self.integrator(prepared)
+        self.note(prepared)
         self.reordered = math.nan
         self.methods = Methods(self.core, system, request, self.no_series)
-        explicit = self.explicit_time()
-        if explicit is not None:
-            self.core.resolve_time(explicit)
-        breaks = breaks_of(system, request)
-        if len(breaks):
-            self.core.end_steps_at(breaks)
 
     def problem(self) -> dict[str, Any]:
         """Return the initial value problem, as for `Integrator`."""
@@ -168,9 +164,29 @@ class Integration:
         """Return the program of the functions of time that steps resolve."""
         return explicit_time(self.system)
 
-    def integrator(self, constraint: Program, problem: dict[str, Any]) -> Integrator:
+    def integrator(self, prepared: Prepared) -> Integrator:
         """Return the core of the run."""
-        return Integrator(self.system, constraint, problem)
+        return Integrator(self.system, model_fields(**self.parts(prepared, self.problem())))
+
+    def parts(self, prepared: Prepared, problem: dict[str, Any]) -> dict[str, Any]:
+        """Return what a run needs, as for `model_fields`.
+
+        Parameters
+        ----------
+        prepared : Prepared
+        problem : dict
+            The initial value problem.
+        """
+        system = self.system
+        return {
+            "equations": equations_fields(system, prepared.constraint),
+            "problem": problem,
+            "breaks": breaks_of(system, self.request),
+            "functions": function_fields(system),
+            "explicit_time": self.explicit_time(),
+            **_tangent(system, prepared),
+            **_solution(system, prepared),
+        }
 
     def prepared(self) -> Prepared:
         """Return the initial programs."""
@@ -208,9 +224,13 @@ class Integration:
         return unrolled(self.system, prepared) if self.series else prepared
 
     def use(self, prepared: Prepared) -> None:
-        """Use a method of solving for a and λ."""
-        self.in_use = prepared
+        """Go on with another method of solving for a and λ."""
         self.give_dynamics(prepared)
+        self.note(prepared)
+
+    def note(self, prepared: Prepared) -> None:
+        """Keep the method of solving for a and λ that the core uses, and when another one pays."""
+        self.in_use = prepared
         # a number of steps, not a time, so that runs are reproducible
         self.unroll_at = math.inf
         recurs = self.may_recur and not prepared.unrolled and prepared.elimination is not None
@@ -376,7 +396,8 @@ class Integration:
             start = request.state
             self.watch.check_start(start.t, start.q, start.v, self.projection)
             self.check_redundancy()
-        self.handle_status(core.start())
+        if self.handle_status(core.start()):
+            return
         # a step of a large model may take as long as a slice
         most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
         slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
@@ -599,3 +620,27 @@ class Integration:
     def emit(self, rows: Array) -> None:
         """Emit samples, given as rows t, q, v, a, λ, W."""
         self.sink(Block.of_rows(rows, self.system.sample_layout))
+
+
+def _solution(system: System, prepared: Prepared) -> dict[str, Any]:
+    """Return how a and λ are found, as for `model_fields`."""
+    plan, motion = prepared.elimination, system.motion
+    if plan is None:
+        return {"dynamics": prepared.dynamics}
+    left_out = plan.left_out(motion) or None
+    if prepared.whole is not None:
+        return {"unrolled": prepared.whole, "left_out": left_out}
+    elimination = elimination_fields(motion, plan)
+    return {"dynamics": prepared.plain, "elimination": elimination, "left_out": left_out}
+
+
+def _tangent(system: System, prepared: Prepared) -> dict[str, Any]:
+    """Return the right sides of derivatives, as for `model_fields`."""
+    if system.tangent is None:
+        return {}
+    blocks, complete = system.tangent.blocks, system.tangent.complete
+    return {
+        "tangent": prepared.tangent,
+        "tangent_blocks": blocks,
+        "tangent_complete": complete,
+    }

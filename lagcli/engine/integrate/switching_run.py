@@ -29,9 +29,10 @@ from lagcli.engine.contract import (
     Undefined,
     breaks_of,
 )
+from lagcli.engine.core.fields import model_fields
 from lagcli.engine.core.program import Program
 from lagcli.engine.core.status import Status
-from lagcli.engine.core.switching import SwitchingIntegrator
+from lagcli.engine.core.switching import SwitchingIntegrator, rules_fields
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.event_entries import (
     CHANGES,
@@ -164,11 +165,8 @@ class SwitchingIntegration(Integration):
         return not (self.split_system.rows or self.split_system.switching.events)
 
     def explicit_time(self) -> Program | None:
-        """Return the program of the functions of time that steps resolve, with those of rows.
-
-        None if the core has it.
-        """
-        return None if self.reused else explicit_time(self.split_system.system)
+        """Return the program of the functions of time that steps resolve, with those of rows."""
+        return explicit_time(self.split_system.system)
 
     def problem(self) -> dict[str, Any]:
         """Return the initial value problem, with the multipliers of rows in samples."""
@@ -186,32 +184,38 @@ class SwitchingIntegration(Integration):
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
         return [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
 
-    def integrator(self, constraint: Program, problem: dict[str, Any]) -> SwitchingIntegrator:
+    def parts(self, prepared: Prepared, problem: dict[str, Any]) -> dict[str, Any]:
+        """Return what a run needs, with what switches."""
+        rules = rules_fields(self.split_system, self.frozen, self.clocks)
+        return super().parts(prepared, problem) | {"rules": rules}
+
+    def integrator(self, prepared: Prepared) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
-        clocks, kept = self.ticks(), self.request.kept
-        self.made_of = problem, clocks
-        if kept is not None and self.common.prepared is not None:
-            core = kept.take(self.common.prepared, problem, clocks)
+        problem, kept = self.problem(), self.request.kept
+        self.clocks = self.ticks()
+        self.made_of = problem, self.clocks
+        if kept is not None and prepared is self.common.prepared and self.may_keep:
+            core = kept.take(prepared, problem, self.clocks)
             if core is not None:
                 self.reused = True
                 return core
-        return SwitchingIntegrator(
-            self.split_system, self.frozen, constraint, problem, log_rows=_LOG_ROWS, clocks=clocks
-        )
+        model = model_fields(**self.parts(prepared, problem))
+        return SwitchingIntegrator(self.split_system, model, log_rows=_LOG_ROWS)
 
-    def give_dynamics(self, prepared: Prepared) -> None:
-        """Give the core the programs of the dynamics, unless it is one that has them."""
-        if not self.reused or prepared is not self.common.prepared:
-            super().give_dynamics(prepared)
+    @property
+    def may_keep(self) -> bool:
+        """Whether the core may be that of another run of the System: its method, and times at
+        which steps end, are not among what is compared."""
+        return self.settings.method in ("auto", _ACTING) and not len(
+            breaks_of(self.system, self.request)
+        )
 
     def keep(self) -> None:
         """Keep a new core for the next run."""
         kept = self.request.kept
         if kept is None or self.reused or self.in_use is not self.common.prepared:
             return
-        if self.settings.method in ("auto", _ACTING) and not len(
-            breaks_of(self.system, self.request)
-        ):
+        if self.may_keep:
             kept.keep(self.core, self.in_use, *self.made_of)
 
     def start_changes(self) -> Array | None:

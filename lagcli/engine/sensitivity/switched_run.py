@@ -21,6 +21,7 @@ from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.event_entries import EventEntry
+from lagcli.engine.integrate.prepared import Prepared
 from lagcli.engine.integrate.switching_run import Actions, SwitchingIntegration
 from lagcli.engine.sensitivity.integration import Derivatives, Sink
 from lagcli.engine.sensitivity.start import StartDerivatives
@@ -84,12 +85,12 @@ class DifferentiatedIntegration(SwitchingIntegration):
         """Return the derivatives of q and v at the start, (n, 2 nq)."""
         return np.hstack([self._start.q, self._start.v])
 
-    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
+    def integrator(self, prepared: Prepared) -> SwitchingIntegrator:
         """Return a core that differentiates."""
         given, system = self._parameters, self.split_system.system
         branches = np.zeros((len(given), len(system.parameters) - given.shape[1]))
         parameters = np.hstack([given, branches])
-        core = super().integrator(constraint, settings)
+        core = super().integrator(prepared)
         core.use_directions(directional_programs(self.split_system, self.frozen, parameters))
         return core
 

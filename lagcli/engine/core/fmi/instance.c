@@ -240,7 +240,7 @@ static lag_fmu *new_instance(int exchange, lag_fmu_message *message, void *conte
 /* Read the model and the values, and allocate what a simulation needs. Returns 0, or 1, and a message. */
 static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const void *values, int64_t values_bytes)
 {
-    const int status = lag_read_model(model, model_bytes, &fmu->model);
+    const int status = lag_read_model(NULL, model, model_bytes, &fmu->model);
     if (status != LAG_MODEL_READ || read_values(fmu, values, values_bytes))
         return lag_fmu_fail(fmu, "%s is damaged, or of another version of lagcli",
                     status != LAG_MODEL_READ ? "model.bin" : "values.bin");
@@ -321,6 +321,7 @@ void lag_fmu_end_simulation(lag_fmu *fmu)
 void lag_fmu_close(lag_fmu *fmu)
 {
     lag_fmu_end_simulation(fmu);
+    lag_release_model(&fmu->model);
     lag_pool pool = fmu->pool; /* the instance is in it */
     lag_release(&pool);
 }

@@ -4,7 +4,6 @@
 #include "bind.h"
 #include "breaks.h"
 #include "contact/contact.h"
-#include "model/reader.h"
 #include "model/simulation.h"
 #include "motion.h"
 #include "switching/rows.h"
@@ -32,20 +31,16 @@ int lag_events_bind(lag_simulation *s)
     if (!(m->contents & LAG_MODEL_SWITCHING))
         return 0;
     s->width = HEAD + m->rules.exported + 3 * nq + m->rules.nc;
-    s->events = lag_get(&s->pool, (size_t)m->event_count, sizeof *s->events);
     s->happened = lag_get(&s->pool, (size_t)m->event_count, sizeof *s->happened);
     s->p = lag_copy_doubles(&s->pool, m->problem.parameters, m->rules.first_branch);
     s->held = lag_doubles(&s->pool, m->equations.np);
     s->none = lag_doubles(&s->pool, nq + m->rules.nc);
     s->before = lag_doubles(&s->pool, 2 * nq + 1);
     s->after = lag_doubles(&s->pool, 2 * nq + 1);
-    if (s->pool.failed || lag_bind(s->run, &s->pool, &s->actions, &m->actions)
-        || lag_bind(s->run, &s->pool, &s->energy, &m->energy))
-        return 1;
-    lag_reader in = {.at = m->events, .words = INT64_MAX, .status = LAG_MODEL_READ};
-    for (int i = 0; i < m->event_count; ++i)
-        s->events[i] = lag_read_event(&in, m);
-    return 0;
+    if (s->pool.failed || !m->energy.output_count) /* the caller answers LAG_HAPPENED */
+        return s->pool.failed;
+    return lag_bind(s->run, &s->pool, &s->actions, &m->actions)
+           || lag_bind(s->run, &s->pool, &s->energy, &m->energy);
 }
 
 /* Space for more entries at the end of the log. Returns 0, or 1 where there is no memory. */
@@ -215,7 +210,7 @@ int lag_is_violated(const lag_simulation *s, const double *y)
 /* Perform the actions of one event. */
 static int act(lag_simulation *s, int number)
 {
-    const lag_event *e = s->events + number;
+    const lag_event *e = s->model.events + number;
     lag_run *run = s->run;
     const size_t bytes = (2 * (size_t)run->system.nq + 1) * sizeof(double);
     double work = 0.0;
@@ -269,7 +264,7 @@ int lag_events_happen(lag_simulation *s)
         s->first = s->used;
     }
     for (int k = 0; k < s->model.event_count; ++k) {
-        const lag_event *e = s->events + k;
+        const lag_event *e = s->model.events + k;
         const int happens = is_triggered(s, e, until)
                             || (e->condition >= 0 && sw->condition[e->condition].happened == 1)
                             || (e->clock >= 0 && sw->clock[e->clock].ticks == 1);
@@ -297,7 +292,7 @@ void lag_archive_events(lag_archive *a, lag_simulation *s)
     int64_t count = 0;
     int reacts = 0;
     for (int k = 0; k < s->model.event_count; ++k)
-        reacts |= s->events[k].constraint >= 0;
+        reacts |= s->model.events[k].constraint >= 0;
     if (reacts)
         count = s->used - s->seen;
     lag_archive_reals(a, s->p, s->model.rules.first_branch);

@@ -4,6 +4,7 @@
 
 #include "contact/contact.h"
 #include "linear/ldl.h"
+#include "memory.h"
 #include "model/check.h"
 #include "model/reader.h"
 #include "system.h"
@@ -83,7 +84,7 @@ static int increase(const double *x, int64_t n, int strictly)
     return 1;
 }
 
-lag_function lag_read_function(lag_reader *in, int np)
+static lag_function function(lag_reader *in, int np)
 {
     lag_function f = {0};
     int64_t knots;
@@ -226,12 +227,13 @@ static lag_jacobians jacobians(lag_reader *in, const lag_equations *e, int rank)
     return j;
 }
 
-lag_pivots lag_read_pivots(lag_reader *in, const lag_model *model, int *method)
+static lag_method_pivots pivots(lag_reader *in, const lag_model *model)
 {
+    lag_method_pivots made = {0};
     lag_pivots p = {0};
     const int n = model->jacobians.n;
     int entries = 0;
-    *method = lag_read_count(in);
+    made.method = lag_read_count(in);
     p.n = lag_read_int(in, n, n);
     p.row = lag_read_integers(in, n, 0, n);
     p.column = lag_read_integers(in, n, 0, n);
@@ -239,12 +241,13 @@ lag_pivots lag_read_pivots(lag_reader *in, const lag_model *model, int *method)
     p.columns = lag_read_integers(in, entries, 0, n);
     p.diagonal = lag_read_integers(in, n, 0, entries);
     p.places = lag_read_integers(in, model->jacobians.start ? model->jacobians.start[n] : 0, 0, entries);
+    made.pivots = p;
     if (in->status != LAG_MODEL_READ)
-        return p;
+        return made;
     for (int i = 0; i < n; ++i)
         if (p.diagonal[i] < p.start[i] || p.diagonal[i] >= p.start[i + 1])
             lag_reject(in, LAG_MODEL_INDEX);
-    return p;
+    return made;
 }
 
 static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
@@ -320,7 +323,7 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     return r;
 }
 
-lag_event lag_read_event(lag_reader *in, const lag_model *model)
+static lag_event event(lag_reader *in, const lag_model *model)
 {
     const lag_switching_rules *r = &model->rules;
     const int nq = model->equations.nq;
@@ -350,8 +353,19 @@ lag_event lag_read_event(lag_reader *in, const lag_model *model)
     return e;
 }
 
+/* Memory for a number of things, each of some words at least, that the data have. */
+static void *room(lag_reader *in, lag_pool *pool, int count, size_t size)
+{
+    if (count > in->words)
+        lag_reject(in, LAG_MODEL_LENGTH);
+    void *made = in->status == LAG_MODEL_READ ? lag_get(pool, (size_t)count, size) : NULL;
+    if (pool->failed)
+        lag_reject(in, LAG_MODEL_MEMORY);
+    return made;
+}
+
 /* The parts of the model, in their order. */
-static void read_parts(lag_reader *in, lag_model *m)
+static void read_parts(lag_reader *in, lag_pool *pool, lag_model *m)
 {
     const int all = LAG_MODEL_PLAIN | LAG_MODEL_LOOP | LAG_MODEL_UNROLLED | LAG_MODEL_TIME | LAG_MODEL_SERIES
                     | LAG_MODEL_JACOBIANS | LAG_MODEL_SWITCHING;
@@ -368,9 +382,10 @@ static void read_parts(lag_reader *in, lag_model *m)
     if (in->status == LAG_MODEL_READ && !increase(m->breaks, m->break_count, 1))
         lag_reject(in, LAG_MODEL_NUMBER);
     m->function_count = lag_read_count(in);
-    m->functions = in->at;
+    lag_function *functions = room(in, pool, m->function_count, sizeof *functions);
     for (int i = 0; in->status == LAG_MODEL_READ && i < m->function_count; ++i)
-        lag_read_function(in, e->np);
+        functions[i] = function(in, e->np);
+    m->functions = functions;
     if (left_out && has & (LAG_MODEL_LOOP | LAG_MODEL_UNROLLED))
         m->left_out = lag_read_integers(in, left_out, 0, e->nc);
     if (has & LAG_MODEL_PLAIN)
@@ -384,12 +399,12 @@ static void read_parts(lag_reader *in, lag_model *m)
     if (has & LAG_MODEL_SERIES)
         m->series = series(in, e);
     if (has & LAG_MODEL_JACOBIANS) {
-        int method;
         m->jacobians = jacobians(in, e, m->problem.rank);
         m->pivots_count = lag_read_count(in);
-        m->pivots = in->at;
+        lag_method_pivots *orders = room(in, pool, m->pivots_count, sizeof *orders);
         for (int i = 0; in->status == LAG_MODEL_READ && i < m->pivots_count; ++i)
-            lag_read_pivots(in, m, &method);
+            orders[i] = pivots(in, m);
+        m->pivots = orders;
     }
     if (has & LAG_MODEL_SWITCHING) {
         m->rules = rules(in, e);
@@ -397,15 +412,16 @@ static void read_parts(lag_reader *in, lag_model *m)
         m->actions = lag_read_program(in, forces, 0);
         m->energy = lag_read_program(in, forces, 1);
         m->event_count = lag_read_count(in);
-        m->events = in->at;
+        lag_event *events = room(in, pool, m->event_count, sizeof *events);
         for (int i = 0; in->status == LAG_MODEL_READ && i < m->event_count; ++i)
-            lag_read_event(in, m);
+            events[i] = event(in, m);
+        m->events = events;
     }
     if (m->problem.extra != m->rules.rows)
         lag_reject(in, LAG_MODEL_SIZES);
 }
 
-int lag_read_model(const void *data, int64_t bytes, lag_model *model)
+int lag_read_model(const lag_memory *memory, const void *data, int64_t bytes, lag_model *model)
 {
     lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
     *model = (lag_model){0};
@@ -415,8 +431,24 @@ int lag_read_model(const void *data, int64_t bytes, lag_model *model)
         return LAG_MODEL_FORMAT;
     if (lag_read_word(&in) != bytes / 8)
         return LAG_MODEL_LENGTH;
-    read_parts(&in, model);
+    lag_pool pool = lag_pool_of(memory), *owned = lag_get(&pool, 1, sizeof pool);
+    if (!owned)
+        return LAG_MODEL_MEMORY;
+    read_parts(&in, &pool, model);
     if (in.status == LAG_MODEL_READ && in.words)
-        return LAG_MODEL_LENGTH;
+        lag_reject(&in, LAG_MODEL_LENGTH);
+    *owned = pool;
+    model->owned = owned;
+    if (in.status != LAG_MODEL_READ)
+        lag_release_model(model);
     return in.status;
+}
+
+void lag_release_model(lag_model *model)
+{
+    if (!model->owned)
+        return;
+    lag_pool pool = *(lag_pool *)model->owned; /* it is allocated in it */
+    lag_release(&pool);
+    model->owned = NULL;
 }

@@ -40,9 +40,4 @@ void lag_read_nothing(lag_reader *in);
 lag_stream lag_read_stream(lag_reader *in);
 lag_program lag_read_program(lag_reader *in, int64_t inputs, int64_t outputs);
 
-/* The parts of a model that are read again when a simulation is made. */
-lag_function lag_read_function(lag_reader *in, int np);
-lag_pivots lag_read_pivots(lag_reader *in, const lag_model *model, int *method);
-lag_event lag_read_event(lag_reader *in, const lag_model *model);
-
 #endif

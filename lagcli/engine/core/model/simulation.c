@@ -9,7 +9,6 @@
 #include "methods/method.h"
 #include "switching/clock.h"
 #include "switching/instant.h"
-#include "model/reader.h"
 
 #define LOG_ROWS 512     /* entries of the run's log, at least */
 #define RETRIES 16       /* at one time: beyond it, dense solutions are no help */
@@ -30,7 +29,7 @@ static int is_problem(const lag_model *model)
     const lag_switching_rules *r = &model->rules;
     const int n = 2 * model->equations.nq + 1;
     if (!p->atol || p->times_count < 0 || (p->times_count && (!p->times || !p->block)) || p->block_rows < 1
-        || p->extra != r->rows || p->directions || !isfinite(p->t) || !are_settings(&p->settings)
+        || p->extra != r->rows || p->directions < 0 || !isfinite(p->t) || !are_settings(&p->settings)
         || !(p->settings.t_end >= p->t))
         return 0;
     for (int i = 0; i < n; ++i)
@@ -72,13 +71,7 @@ static int is_missing(const lag_model *model, const lag_method *method)
 static int use_functions(lag_simulation *s)
 {
     const lag_model *m = &s->model;
-    lag_reader in = {.at = m->functions, .words = INT64_MAX, .status = LAG_MODEL_READ};
-    lag_function *functions = lag_get(&s->pool, (size_t)m->function_count, sizeof *functions);
-    if (!functions)
-        return 1;
-    for (int i = 0; i < m->function_count; ++i)
-        functions[i] = lag_read_function(&in, m->equations.np);
-    return m->function_count && lag_use_functions(s->run, functions, m->function_count);
+    return m->function_count && lag_use_functions(s->run, m->functions, m->function_count);
 }
 
 static int use_switching(lag_simulation *s)
@@ -88,8 +81,10 @@ static int use_switching(lag_simulation *s)
     if (!(s->model.contents & LAG_MODEL_SWITCHING))
         return 0;
     const int width = 6 + rules.exported + 3 * s->model.equations.nq + rules.nc;
-    rules.log_rows = least > LOG_ROWS ? least : LOG_ROWS;
-    rules.log = lag_doubles(&s->pool, rules.log_rows * width);
+    if (!rules.log) {
+        rules.log_rows = least > LOG_ROWS ? least : LOG_ROWS;
+        rules.log = lag_doubles(&s->pool, rules.log_rows * width);
+    }
     return !rules.log || lag_use_switching(s->run, &rules);
 }
 
@@ -106,6 +101,9 @@ static int use_dynamics(lag_simulation *s)
 {
     const lag_model *m = &s->model;
     const int unrolled = m->contents & LAG_MODEL_UNROLLED;
+    if (m->contents & LAG_MODEL_TANGENT
+        && lag_use_tangent(s->run, &m->tangent, m->tangent_blocks, m->tangent_complete))
+        return 1;
     if (m->left_out && lag_leave_out(s->run, m->left_out))
         return 1;
     if (!(m->contents & LAG_MODEL_PLAIN) || (unrolled && lag_method_at(s->method) == &lag_taylor))
@@ -200,18 +198,12 @@ static int end(lag_simulation *s, int status)
 static int use_pivots(lag_simulation *s)
 {
     const lag_model *m = &s->model;
-    lag_reader in = {.at = m->pivots, .words = INT64_MAX, .status = LAG_MODEL_READ};
-    lag_pivots pivots = {0};
-    for (int i = 0, order = 0; i < m->pivots_count; ++i) {
-        int method;
-        const lag_pivots found = lag_read_pivots(&in, m, &method);
-        if (method == s->method && order++ == s->orders) {
-            pivots = found;
-            break;
-        }
-    }
+    const lag_pivots none = {0}, *pivots = &none;
+    for (int i = 0, order = 0; pivots == &none && i < m->pivots_count; ++i)
+        if (m->pivots[i].method == s->method && order++ == s->orders)
+            pivots = &m->pivots[i].pivots;
     ++s->orders;
-    return lag_use_pivots(s->run, &pivots);
+    return lag_use_pivots(s->run, pivots);
 }
 
 /* Solve densely for a step, as the elimination fails. Returns whether that may help. */
@@ -223,10 +215,16 @@ static int retry(lag_simulation *s)
     return s->retries < RETRIES && !lag_allow_dense(s->run, 1) && lag_sizes_again(s->run) == LAG_RUNNING;
 }
 
-/* Whether the caller must take samples before anything else: the log has been taken. */
+/* Whether the caller answers a status. */
+static int answers(const lag_simulation *s, int status)
+{
+    return s->answered >> status & 1;
+}
+
+/* Whether the caller must take samples before anything else, or the log if it does that. */
 static int is_full(const lag_simulation *s)
 {
-    return s->run->samples.used >= s->run->samples.rows;
+    return answers(s, LAG_HAPPENED) || s->run->samples.used >= s->run->samples.rows;
 }
 
 int lag_simulate(lag_simulation *s, int64_t steps)
@@ -247,7 +245,7 @@ int lag_simulate(lag_simulation *s, int64_t steps)
         case LAG_LAST_SAMPLE: status = lag_sample_until(run, run->step.t); break;
         case LAG_ENDED: return s->status;
         }
-        if (lag_events_collect(s))
+        if (!answers(s, LAG_HAPPENED) && lag_events_collect(s))
             return end(s, LAG_NO_MEMORY);
         const int has_begun = run->switching.begun || !run->switching.used;
         if (status == LAG_BLOCK_FULL) {
@@ -265,6 +263,10 @@ int lag_simulate(lag_simulation *s, int64_t steps)
             lag_events_resolve(s);
             s->phase = LAG_LAST_SAMPLE;
             continue;
+        }
+        if (answers(s, status)) {
+            s->phase = LAG_UNDER_WAY;
+            return status;
         }
         switch (status) {
         case LAG_RUNNING:
@@ -307,6 +309,16 @@ int lag_simulate(lag_simulation *s, int64_t steps)
         default: return end(s, status);
         }
     }
+}
+
+void lag_let_answer(lag_simulation *s, int64_t statuses)
+{
+    s->answered = statuses & ~(INT64_C(1) << LAG_RUNNING | INT64_C(1) << LAG_DONE);
+}
+
+void lag_begin_again_here(lag_simulation *s)
+{
+    s->phase = LAG_AT_START;
 }
 
 void lag_wait(lag_simulation *s, int waits)

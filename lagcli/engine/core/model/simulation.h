@@ -29,9 +29,9 @@ struct lag_simulation {
     int orders;                        /* of pivots that have been requested */
     double retried;                    /* time at which a solution was last replaced by the dense one ... */
     int retries;                       /* ... how often there */
+    int64_t answered;                  /* statuses that the caller answers: lag_let_answer */
 
     /* actions.c: events */
-    lag_event *events;
     int64_t *happened;                 /* how often each has */
     lag_tape actions, energy;
     double *p, *held;                  /* parameters that events set; with branches and pieces of functions */

@@ -83,8 +83,9 @@ int main(int argc, char **argv)
     long results[LAG_MODEL_MEMORY + 1] = {0};
     lag_model model;
     memcpy(data, given, bytes);
-    if (lag_read_model(data, (int64_t)bytes, &model) != LAG_MODEL_READ || run(&model, argv[2]) != LAG_MODEL_READ)
+    if (lag_read_model(NULL, data, (int64_t)bytes, &model) != LAG_MODEL_READ || run(&model, argv[2]) != LAG_MODEL_READ)
         return 3;
+    lag_release_model(&model);
     state ^= (uint64_t)strtol(argv[4], NULL, 10) << 32;
     for (long k = strtol(argv[3], NULL, 10); k > 0; --k) {
         memcpy(data, given, bytes);
@@ -93,9 +94,10 @@ int main(int argc, char **argv)
         const size_t part = chosen(8) ? bytes : 8 * (size_t)chosen(bytes / 8);
         char *alone = malloc(part ? part : 1);
         memcpy(alone, data, part);
-        int status = lag_read_model(alone, (int64_t)part, &model);
+        int status = lag_read_model(NULL, alone, (int64_t)part, &model);
         if (status == LAG_MODEL_READ)
             status = run(&model, argv[2]);
+        lag_release_model(&model);
         ++results[status];
         free(alone);
     }

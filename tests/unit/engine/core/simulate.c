@@ -96,7 +96,7 @@ int main(int argc, char **argv)
     if (argc != 5)
         return 2;
     char *data = contents(argv[1], &bytes);
-    int status = lag_read_model(data, (int64_t)bytes, &model);
+    int status = lag_read_model(&memory, data, (int64_t)bytes, &model);
     if (status != LAG_MODEL_READ)
         return 10 + status;
     const lag_equations *e = &model.equations;
@@ -129,6 +129,7 @@ int main(int argc, char **argv)
     const double *log = lag_log_of(simulation, &count, &each);
     print(log, count, each);
     lag_destroy_simulation(simulation);
+    lag_release_model(&model);
     free(model.problem.block);
     free(samples);
     free(data);

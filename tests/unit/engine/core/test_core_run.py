@@ -83,7 +83,7 @@ def test_a_run_of_other_equations_does_not_go_back() -> None:
         other.restore(saved + bytes(len(other.save())))
 
 
-def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]:
+def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, dict[str, Any]]:
     """Return what a run is made from."""
     made: list[Any] = []
     original = Integrator.__init__
@@ -99,25 +99,32 @@ def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]
 
 
 def test_a_problem_has_the_fields_of_the_core_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, constraint, problem = parts_of(monkeypatch)
+    system, model = parts_of(monkeypatch)
+    problem = model["problem"]
     without = {name: x for name, x in problem.items() if name != "rank"}
     with pytest.raises(KeyError, match="rank"):
-        Integrator(system, constraint, without)
+        Integrator(system, model | {"problem": without})
     with pytest.raises(TypeError, match="lag_problem has no rang"):
-        Integrator(system, constraint, {**problem, "rang": 1})
+        Integrator(system, model | {"problem": {**problem, "rang": 1}})
+
+
+def test_a_problem_that_the_core_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, model = parts_of(monkeypatch)
+    problem = model["problem"] | {"atol": -model["problem"]["atol"]}
+    with pytest.raises(ValueError, match="refuses the problem"):
+        Integrator(system, model | {"problem": problem})
 
 
 def test_without_memory_python_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, constraint, problem = parts_of(monkeypatch)
-    monkeypatch.setattr(run.core, "lag_create", lambda *_: None)
+    system, model = parts_of(monkeypatch)
+    monkeypatch.setattr(run.core, "lag_make_simulation", lambda *_: run._NO_MEMORY)
     with pytest.raises(MemoryError):
-        Integrator(system, constraint, problem)
+        Integrator(system, model)
 
 
 def test_every_run_is_destroyed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    integration = pendulum()
-    core, destroyed = integration.core, []
-    handle = core.handle
+    core, destroyed = pendulum().core, []
+    handle = core._simulation
     assert handle
     core.__del__(destroyed.append)
     assert destroyed == [handle]

@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from core_parts import lag_model, parts
+from core_parts import SIGNATURES, parts
 
 import lagcli
 from lagcli.engine.core.library import LIBRARY
+from lagcli.engine.core.run import core
+from lagcli.engine.core.structures import lag_model
 from lagcli.engine.integrate.model_data import model_data
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
@@ -54,14 +56,14 @@ def without_modes(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def declared(library: Any) -> Any:
-    """Return a library whose functions are declared as those of `core_parts`."""
+    """Return a library whose functions are declared as in the binding."""
+    known = core.signatures | SIGNATURES
     for name in (
-        *("lag_read_model", "lag_make_simulation", "lag_simulate", "lag_run_of"),
-        *("lag_destroy_simulation", "lag_part_acceleration_terms"),
+        *("lag_read_model", "lag_release_model", "lag_make_simulation", "lag_simulate"),
+        *("lag_run_of", "lag_destroy_simulation", "lag_part_acceleration_terms"),
     ):
-        known = getattr(parts, name)
         function = getattr(library, name)
-        function.restype, function.argtypes = known.restype, known.argtypes
+        function.restype, *function.argtypes = known[name]
     return library
 
 
@@ -97,7 +99,7 @@ def size_by(library: Any, data: bytes) -> float:
     """Return A of the coordinate at the start."""
     memory = np.frombuffer(data, dtype=np.int64).copy()
     model, made, block = lag_model(), c_void_p(), np.empty((4, 5))
-    assert library.lag_read_model(memory.ctypes.data, len(data), byref(model)) == 0
+    assert library.lag_read_model(None, memory.ctypes.data, len(data), byref(model)) == 0
     model.problem.block, model.problem.block_rows = block.ctypes.data, len(block)
     assert library.lag_make_simulation(None, byref(model), b"DOP853", byref(made)) == 0
     library.lag_simulate(made, 0)
@@ -105,6 +107,7 @@ def size_by(library: Any, data: bytes) -> float:
     pointer = library.lag_part_acceleration_terms(run)
     found = ctypes.c_double.from_address(pointer.value).value
     library.lag_destroy_simulation(made)
+    library.lag_release_model(byref(model))
     return found
 
 
@@ -125,7 +128,7 @@ def check(library: Any, seeds: range) -> None:
 
 
 def test_the_size_of_terms_that_cancel_by_rounding_modes() -> None:
-    check(parts, range(COUNT))
+    check(declared(parts), range(COUNT))
 
 
 def test_the_size_of_terms_that_cancel_without_rounding_modes(without_modes: Any) -> None:

@@ -222,9 +222,9 @@ def test_a_c_program_integrates_as_the_binding_does(
 
     emitter = Emitter()
     constants = {
-        "lag_equations equations": emitter.equations(system, made[0][1]),
+        "lag_equations equations": emitter.equations(system, made[0][1]["equations"]["constraint"]),
         "lag_program dynamics": emitter.program("dynamics", integration.in_use.dynamics),
-        "lag_problem problem": emitter.problem(made[0][2]),
+        "lag_problem problem": emitter.problem(made[0][1]["problem"]),
     }
     text = "#include <math.h>\n\n" + emitter.text
     text += "".join(f"static {name} = {value};\n" for name, value in constants.items())

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from core_parts import lag_model, parts
+from core_parts import parts
 from core_runs import MODELS, data_of, prepared
 from two_routes import by_simulate
 
 from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.core.run import core
 from lagcli.engine.core.status import Status
-from lagcli.engine.core.structures import Arguments, lag_program, lag_report, lag_stream
+from lagcli.engine.core.structures import Arguments, lag_model, lag_program, lag_report, lag_stream
 from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate import run
@@ -192,7 +192,7 @@ def read(data: bytes) -> tuple[str, lag_model, Any]:
     """Return the status of data that are aligned, the model, and what it points into."""
     memory = np.frombuffer(data + bytes(-len(data) % 8), dtype=np.int64).copy()
     model = lag_model()
-    status = parts.lag_read_model(memory.ctypes.data, len(data), byref(model))
+    status = parts.lag_read_model(None, memory.ctypes.data, len(data), byref(model))
     return STATUSES[status], model, memory
 
 
@@ -217,11 +217,11 @@ class Simulated:
         problem.block, problem.block_rows = self.block.ctypes.data, len(self.block)
         self.handle = c_void_p()
         self.status = STATUSES[
-            parts.lag_make_simulation(None, byref(self.model), method.encode(), byref(self.handle))
+            core.lag_make_simulation(None, byref(self.model), method.encode(), byref(self.handle))
         ]
 
     def run(self, steps: int = 10**6) -> Status:
-        return Status(parts.lag_simulate(self.handle, steps))
+        return Status(core.lag_simulate(self.handle, steps))
 
     def log(self) -> list[tuple[float, str]]:
         """Return the times and the kinds of entries."""
@@ -235,12 +235,13 @@ class Simulated:
     @property
     def t(self) -> float:
         report = lag_report()
-        core.lag_report_of(parts.lag_run_of(self.handle), byref(report))
+        core.lag_report_of(core.lag_run_of(self.handle), byref(report))
         return float(report.t)
 
     def __del__(self) -> None:
         if self.handle:
-            parts.lag_destroy_simulation(self.handle)
+            core.lag_destroy_simulation(self.handle)
+        parts.lag_release_model(byref(self.model))
 
 
 def test_the_caller_may_change_settings() -> None:
@@ -287,7 +288,7 @@ def test_a_clock_must_have_a_period_beyond_rounding() -> None:
     ticks[1] = 1e-18
     handle = c_void_p()
     assert made.model.problem.block_rows
-    status = parts.lag_make_simulation(None, byref(made.model), b"DOP853", byref(handle))
+    status = core.lag_make_simulation(None, byref(made.model), b"DOP853", byref(handle))
     assert STATUSES[status] == "number"
 
 
@@ -305,6 +306,34 @@ def test_values_that_others_must_follow_end_the_run(tmp_path: Path) -> None:
     assert made.run() == Status.DISPLACED
     assert made.run() == Status.DISPLACED
     assert made.t == pytest.approx(0.5)
+
+
+def test_the_caller_may_answer_a_status() -> None:
+    """It is returned, and the simulation goes on; otherwise the core does what is to be done."""
+    data = data_of("contact/clutch", ("DOP853",))
+    made, without = Simulated(data, "DOP853"), Simulated(data, "DOP853")
+    core.lag_let_answer(made.handle, 1 << Status.HAPPENED | 1 << Status.RESOLVED)
+    assert made.run() == Status.HAPPENED
+    t = made.t
+    assert made.run() == Status.RESOLVED
+    assert (made.t, made.run(1)) == (t, Status.RUNNING)
+    assert made.t > t
+    count, width = c_int64(), c_int()
+    parts.lag_log_of(made.handle, byref(count), byref(width))
+    assert count.value == 0  # whoever performs the actions has the log
+    assert without.run() == Status.DONE
+    assert (t, "event") in without.log()
+
+
+def test_a_simulation_begins_again_from_where_it_is() -> None:
+    made = Simulated(data_of("pendulum_cartesian", ("DOP853",)), "DOP853")
+    assert made.run(5) == Status.RUNNING
+    t, taken = made.t, core.lag_take(core.lag_run_of(made.handle))
+    core.lag_begin_again_here(made.handle)
+    assert made.run(0) == Status.RUNNING
+    assert made.t == t > 0.0
+    assert made.run() == Status.DONE
+    assert taken + core.lag_take(core.lag_run_of(made.handle)) == len(made.block)
 
 
 # what is damaged
