@@ -28,6 +28,13 @@ _CONTENTS = {
     "rules": 64,
     "tangent": 128,
 }
+_COUNTS = {
+    "breaks": "break_count",
+    "functions": "function_count",
+    "pivots": "pivots_count",
+    "events": "event_count",
+}
+_NOTHING: dict[str, Any] = dict.fromkeys(name for name, *_ in lag_model._fields_)
 
 
 def model_fields(**parts: Any) -> dict[str, Any]:
@@ -39,11 +46,9 @@ def model_fields(**parts: Any) -> dict[str, Any]:
         Fields by their names, without counts: dictionaries of the fields of structures, lists of
         these, programs, numbers. What is not given is not there.
     """
-    names = [name for name, *_ in lag_model._fields_]
-    model: dict[str, Any] = dict.fromkeys(names) | parts
+    model = _NOTHING | parts
     model["contents"] = sum(bit for name, bit in _CONTENTS.items() if model[name] is not None)
-    counts = {"breaks": "break_count", "functions": "function_count", "events": "event_count"}
-    for name, count in {**counts, "pivots": "pivots_count"}.items():
+    for name, count in _COUNTS.items():
         model[count] = 0 if model[name] is None else len(model[name])
     return model
 

@@ -22,6 +22,7 @@ from lagcli.arrays import Array
 from lagcli.engine.core.fields import (
     elimination_fields,
     jacobian_fields,
+    model_fields,
     pivot_fields,
     series_fields,
 )
@@ -107,16 +108,40 @@ _EVERY_STATUS = sum(1 << status for status in Status)
 _NO_MEMORY = 9
 
 
+class CoreModel:
+    """What runs of a System have in common, with one way of solving for a and λ.
+
+    Parameters
+    ----------
+    system : System
+    **parts
+        As for `model_fields`, without the problem and the breaks.
+
+    Attributes
+    ----------
+    parts : dict
+    record : lag_model
+        Filled once: a run adds its problem.
+    """
+
+    def __init__(self, system: System, **parts: Any):
+        self.system, self.parts = system, parts
+        self._given = Arguments()
+        self.record = self._given.filled(lag_model, **model_fields(**parts))
+
+
 class Integrator:
     """Steps with projection on a System; see core/lagmodel.h and core/run.h.
 
     Parameters
     ----------
-    system : System
-    model : dict
-        The fields of `lag_model`: `model_fields`. In its problem, ``parameters`` are the values of
-        all parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
+    model : CoreModel
+    problem : dict
+        The fields of `lag_problem`, by their names there. ``parameters`` are the values of all
+        parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
         ``directions``. The number of times, the block and the kernel are added here.
+    breaks : (n,) array
+        Times at which the right side is not smooth, increasing: steps end there.
 
     Attributes
     ----------
@@ -128,19 +153,21 @@ class Integrator:
 
     _simulation: int | None = None
 
-    def __init__(self, system: System, model: dict[str, Any]):
-        self._given = given = Arguments()  # the simulation points into its arrays
-        equations, problem = model["equations"], model["problem"]
-        self._system = system
-        self._nq, self._nc = equations["nq"], equations["nc"]
+    def __init__(self, model: CoreModel, problem: dict[str, Any], breaks: Array):
+        # the simulation points into the arrays of both
+        self._model, self._given = model, Arguments()
+        equations = model.record.equations
+        self._system = model.system
+        self._nq: int = equations.nq
+        self._nc: int = equations.nc
         self._n = 2 * self._nq + 1
         self._carried = 2 * self._nq * problem["directions"]
         width = SampleLayout(Counts(self._nq, self._nc)).size + problem["extra"]
         width += problem["directions"] * (3 * self._nq + self._nc + problem["extra"])
         self.block = np.empty((problem["block_rows"], width))
         self._times = int(np.size(problem["times"]))
-        record = given.filled(lag_model, **model | {"problem": self._complete(problem)})
         made = c_void_p()
+        record = self._record(problem, breaks)
         status = core.lag_make_simulation(None, byref(record), METHODS[0].encode(), byref(made))
         check(status == _NO_MEMORY)
         if status:
@@ -152,6 +179,13 @@ class Integrator:
         # one record for all: creating one takes longer than filling it
         self._written = lag_report()
         self._written_to = addressof(self._written)
+
+    def _record(self, problem: dict[str, Any], breaks: Array) -> lag_model:
+        """Return the model with the problem."""
+        record = lag_model.from_buffer_copy(self._model.record)
+        record.problem = self._given.filled(lag_problem, **self._complete(problem))
+        record.breaks, record.break_count = self._given.doubles(breaks), len(breaks)
+        return record
 
     def _complete(self, problem: dict[str, Any]) -> dict[str, Any]:
         """Return a problem with what is added here."""

@@ -13,7 +13,7 @@ from lagcli.arrays import Array
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.library import Functions, check
 from lagcli.engine.core.program import Program, assemble
-from lagcli.engine.core.run import Integrator
+from lagcli.engine.core.run import CoreModel, Integrator
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
@@ -22,6 +22,7 @@ from lagcli.engine.core.structures import (
     address,
     copied,
     each,
+    lag_model,
     lag_program,
     listed,
 )
@@ -125,20 +126,29 @@ def _nothing(inputs: int, held: int) -> Program:
     return assemble(Tape(inputs, (), (), (), held))
 
 
-def rules_fields(
-    split: SplitSystem,
-    frozen: FrozenSystem | None,
-    clocks: Sequence[tuple[Ticks, int]],
-) -> dict[str, Any]:
-    """Return what switches, `lag_switching_rules` without a log.
+def clock_fields(clocks: Sequence[tuple[Ticks, int]]) -> dict[str, Any]:
+    """Return the clocks of a run, of `lag_switching_rules`.
+
+    Parameters
+    ----------
+    clocks : sequence of (Ticks, int)
+        Clocks of events, and the largest number of their ticks, 0 without a limit.
+    """
+    return {
+        "clocks": len(clocks),
+        "ticks": [x for ticks, _ in clocks for x in ticks],
+        "most": [most for _, most in clocks],
+    }
+
+
+def rules_fields(split: SplitSystem, frozen: FrozenSystem | None) -> dict[str, Any]:
+    """Return what switches, `lag_switching_rules` without clocks and a log.
 
     Parameters
     ----------
     split : SplitSystem
     frozen : FrozenSystem or None
         Where the System has kinks: what ``split`` is of.
-    clocks : sequence of (Ticks, int)
-        Clocks of events, and the largest number of their ticks, 0 without a limit.
     """
     system, switching, pattern = split.system, split.switching, split.pattern
     state, held = system.dynamics.inputs, system.dynamics.parameters
@@ -213,9 +223,7 @@ def rules_fields(
         "force_condition_functions": program(force_conditions, inputs=forces + signs),
         "either": [i in either for i in range(sum(counts))],
         "time": times[: sum(counts)],
-        "clocks": len(clocks),
-        "ticks": [x for ticks, _ in clocks for x in ticks],
-        "most": [most for _, most in clocks],
+        **clock_fields(()),
         "reported": reported,
         "kinks": len(kinks),
         "first_branch": len(system.parameters) - len(kinks),
@@ -233,24 +241,47 @@ class SwitchingIntegrator(Integrator):
     Parameters
     ----------
     split : SplitSystem
-    model : dict
+    model, problem, breaks
         As for `Integrator`, of ``split.fixed``, with the rows of ``split`` as extra numbers.
+    clocks : sequence of (Ticks, int)
+        Clocks of events, and the largest number of their ticks, 0 without a limit.
     log_rows : int
         Entries of the log that are kept before they are passed on.
     """
 
-    def __init__(self, split: SplitSystem, model: dict[str, Any], *, log_rows: int):
-        rules, self._directions = model["rules"], model["problem"]["directions"]
-        self._split, self._rows, self._clocks = split, rules["rows"], rules["clocks"]
-        self._conditions = rules["conditions"] + rules["force_conditions"]
-        self._kinks, self._first_branch = rules["kinks"], rules["first_branch"]
+    def __init__(
+        self,
+        split: SplitSystem,
+        model: CoreModel,
+        problem: dict[str, Any],
+        breaks: Array,
+        *,
+        clocks: Sequence[tuple[Ticks, int]],
+        log_rows: int,
+    ):
+        rules, self._directions = model.record.rules, problem["directions"]
+        self._split, self._ticks, self._log_rows = split, clocks, log_rows
+        self._rows: int = rules.rows
+        self._clocks = len(clocks)
+        self._conditions: int = rules.conditions + rules.force_conditions
+        self._kinks: int = rules.kinks
+        self._first_branch: int = rules.first_branch
         self.entry_counts = EntryCounts(
-            model["equations"]["nq"], rules["nc"], rules["exported"], self._directions
+            model.record.equations.nq, rules.nc, rules.exported, self._directions
         )
+        super().__init__(model, problem, breaks)
+
+    def _record(self, problem: dict[str, Any], breaks: Array) -> lag_model:
+        """Return the model with the problem, the clocks and the log."""
+        record, given = super()._record(problem, breaks), self._given
         width = entry_layout(self.entry_counts).size
-        self._log = np.empty((max(log_rows, 8 * self._rows + 8), width))
-        log = {"log": self._log, "log_rows": len(self._log)}
-        super().__init__(split.fixed, model | {"rules": rules | log})
+        self._log = np.empty((max(self._log_rows, 8 * self._rows + 8), width))
+        clocks = clock_fields(self._ticks)
+        record.rules.clocks = clocks["clocks"]
+        record.rules.ticks = given.doubles(clocks["ticks"])
+        record.rules.most = given.integers(clocks["most"])
+        record.rules.log, record.rules.log_rows = address(self._log), len(self._log)
+        return record
 
     def take_log(self) -> Array:
         """Return the rows of the log since the last call, valid until the run continues:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.engine.contract import IntegrationRequest
+from lagcli.engine.contract import IntegrationRequest, breaks_of
 from lagcli.engine.core import run as core_run
 from lagcli.engine.core.fields import (
     jacobian_fields,
@@ -31,7 +31,7 @@ from lagcli.engine.core.structures import (
     lag_program,
     lag_stream,
 )
-from lagcli.engine.core.switching import CHANGES
+from lagcli.engine.core.switching import CHANGES, clock_fields
 from lagcli.engine.integrate.engine import switches
 from lagcli.engine.integrate.prepared import unrolled
 from lagcli.engine.integrate.run import Integration
@@ -62,17 +62,15 @@ def model_data(
     """
     run = _integration(system, request, "DOP853")
     prepared, start = run.in_use, run.request.state
-    parts = run.parts(
-        prepared,
-        run.problem()
-        | {
-            "detecting": 0,
-            "parameters": run.system.held_at(start.t, start.p),
-            "times_count": np.size(request.times),
-            "block": None,
-            "kernel": 0,
-        },
-    )
+    parts = run.parts(prepared)
+    parts["breaks"] = breaks_of(run.system, run.request)
+    parts["problem"] = run.problem() | {
+        "detecting": 0,
+        "parameters": run.system.held_at(start.t, start.p),
+        "times_count": np.size(request.times),
+        "block": None,
+        "kernel": 0,
+    }
     parts["unrolled"] = unrolled(run.system, prepared).whole
     parts["unroll_after"] = int(run.unroll_at) if math.isfinite(run.unroll_at) else 0
     series = run.series_program(unrolled(run.system, prepared)) if "Taylor" in methods else ""
@@ -82,6 +80,7 @@ def model_data(
     if implicit and run.system.variation is not None:
         parts |= _jacobians(run, system, request, implicit)
     if isinstance(run, SwitchingIntegration):
+        parts["rules"] |= clock_fields(run.clocks)
         parts |= _actions(run)
     return _data(model_fields(**parts))
 

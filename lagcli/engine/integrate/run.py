@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,10 +31,9 @@ from lagcli.engine.core.fields import (
     elimination_fields,
     equations_fields,
     function_fields,
-    model_fields,
 )
 from lagcli.engine.core.program import Program
-from lagcli.engine.core.run import Integrator
+from lagcli.engine.core.run import CoreModel, Integrator
 from lagcli.engine.core.settings import core_values
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
@@ -166,22 +165,22 @@ class Integration:
 
     def integrator(self, prepared: Prepared) -> Integrator:
         """Return the core of the run."""
-        return Integrator(self.system, model_fields(**self.parts(prepared, self.problem())))
+        breaks = breaks_of(self.system, self.request)
+        return Integrator(self.model(prepared), self.problem(), breaks)
 
-    def parts(self, prepared: Prepared, problem: dict[str, Any]) -> dict[str, Any]:
-        """Return what a run needs, as for `model_fields`.
+    def model(self, prepared: Prepared) -> CoreModel:
+        """Return what runs have in common: that of the System's last run, if it was prepared so."""
+        last = _last_model(self.system)
+        made = last.made  # other threads may replace it
+        if made is None or made[0] is not prepared:
+            made = last.made = prepared, CoreModel(self.system, **self.parts(prepared))
+        return made[1]
 
-        Parameters
-        ----------
-        prepared : Prepared
-        problem : dict
-            The initial value problem.
-        """
+    def parts(self, prepared: Prepared) -> dict[str, Any]:
+        """Return what runs have in common, as for `model_fields`."""
         system = self.system
         return {
             "equations": equations_fields(system, prepared.constraint),
-            "problem": problem,
-            "breaks": breaks_of(system, self.request),
             "functions": function_fields(system),
             "explicit_time": self.explicit_time(),
             **_tangent(system, prepared),
@@ -620,6 +619,18 @@ class Integration:
     def emit(self, rows: Array) -> None:
         """Emit samples, given as rows t, q, v, a, λ, W."""
         self.sink(Block.of_rows(rows, self.system.sample_layout))
+
+
+class _LastModel:
+    """What the last run of a System was prepared with, and its model."""
+
+    made: tuple[Prepared, CoreModel] | None = None
+
+
+@lru_cache(maxsize=4)
+def _last_model(system: System) -> _LastModel:
+    """Return what the last run was made of; cached for many runs."""
+    return _LastModel()
 
 
 def _solution(system: System, prepared: Prepared) -> dict[str, Any]:

@@ -29,7 +29,6 @@ from lagcli.engine.contract import (
     Undefined,
     breaks_of,
 )
-from lagcli.engine.core.fields import model_fields
 from lagcli.engine.core.program import Program
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.switching import SwitchingIntegrator, rules_fields
@@ -184,10 +183,9 @@ class SwitchingIntegration(Integration):
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
         return [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
 
-    def parts(self, prepared: Prepared, problem: dict[str, Any]) -> dict[str, Any]:
-        """Return what a run needs, with what switches."""
-        rules = rules_fields(self.split_system, self.frozen, self.clocks)
-        return super().parts(prepared, problem) | {"rules": rules}
+    def parts(self, prepared: Prepared) -> dict[str, Any]:
+        """Return what runs have in common, with what switches."""
+        return super().parts(prepared) | {"rules": rules_fields(self.split_system, self.frozen)}
 
     def integrator(self, prepared: Prepared) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
@@ -199,8 +197,14 @@ class SwitchingIntegration(Integration):
             if core is not None:
                 self.reused = True
                 return core
-        model = model_fields(**self.parts(prepared, problem))
-        return SwitchingIntegrator(self.split_system, model, log_rows=_LOG_ROWS)
+        return SwitchingIntegrator(
+            self.split_system,
+            self.model(prepared),
+            problem,
+            breaks_of(self.system, self.request),
+            clocks=self.clocks,
+            log_rows=_LOG_ROWS,
+        )
 
     @property
     def may_keep(self) -> bool:

@@ -83,8 +83,8 @@ def test_a_run_of_other_equations_does_not_go_back() -> None:
         other.restore(saved + bytes(len(other.save())))
 
 
-def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, dict[str, Any]]:
-    """Return what a run is made from."""
+def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, dict[str, Any], Any]:
+    """Return what a run is made from: the model, the problem, the breaks."""
     made: list[Any] = []
     original = Integrator.__init__
 
@@ -99,27 +99,25 @@ def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, dict[str, Any]]:
 
 
 def test_a_problem_has_the_fields_of_the_core_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, model = parts_of(monkeypatch)
-    problem = model["problem"]
+    model, problem, breaks = parts_of(monkeypatch)
     without = {name: x for name, x in problem.items() if name != "rank"}
     with pytest.raises(KeyError, match="rank"):
-        Integrator(system, model | {"problem": without})
+        Integrator(model, without, breaks)
     with pytest.raises(TypeError, match="lag_problem has no rang"):
-        Integrator(system, model | {"problem": {**problem, "rang": 1}})
+        Integrator(model, {**problem, "rang": 1}, breaks)
 
 
 def test_a_problem_that_the_core_refuses_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, model = parts_of(monkeypatch)
-    problem = model["problem"] | {"atol": -model["problem"]["atol"]}
+    model, problem, breaks = parts_of(monkeypatch)
     with pytest.raises(ValueError, match="refuses the problem"):
-        Integrator(system, model | {"problem": problem})
+        Integrator(model, problem | {"atol": -problem["atol"]}, breaks)
 
 
 def test_without_memory_python_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, model = parts_of(monkeypatch)
+    made = parts_of(monkeypatch)
     monkeypatch.setattr(run.core, "lag_make_simulation", lambda *_: run._NO_MEMORY)
     with pytest.raises(MemoryError):
-        Integrator(system, model)
+        Integrator(*made)
 
 
 def test_every_run_is_destroyed_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,11 +220,14 @@ def test_a_c_program_integrates_as_the_binding_does(
     parts = [block.time, block.q, block.v, block.a, block.multipliers, block.work]
     expected = np.column_stack(parts)
 
+    model, problem, _ = made[0]
     emitter = Emitter()
     constants = {
-        "lag_equations equations": emitter.equations(system, made[0][1]["equations"]["constraint"]),
+        "lag_equations equations": emitter.equations(
+            system, model.parts["equations"]["constraint"]
+        ),
         "lag_program dynamics": emitter.program("dynamics", integration.in_use.dynamics),
-        "lag_problem problem": emitter.problem(made[0][1]["problem"]),
+        "lag_problem problem": emitter.problem(problem),
     }
     text = "#include <math.h>\n\n" + emitter.text
     text += "".join(f"static {name} = {value};\n" for name, value in constants.items())
