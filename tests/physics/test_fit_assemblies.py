@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis.fit.experiment import FailedRun
 from lagcli.analysis.fit.file import read_fit, write_fit, write_model
 from lagcli.analysis.fit.fit import prepared
 from lagcli.analysis.fit.result import format_fit
@@ -161,3 +162,20 @@ def test_a_run_with_derivatives_recognizes_a_singular_configuration(tmp_path: Pa
     time = math.acos(x) / (2 * math.pi)
     for message in (plain.message, found.message):
         assert float(message.split("t = ")[1].split()[0]) == pytest.approx(time, rel=1e-5)
+
+
+def test_a_run_with_derivatives_ends_where_rounding_errors_limit_its_steps() -> None:
+    """Next to a dead point; two of these runs took as many steps as they may."""
+    experiment = prepared(lagcli.load(FOUND / "dead_point.yaml"))[0].experiments[0]
+    # an approach takes 60 to 120 steps
+    experiment.settings = experiment.settings.replace(max_steps=1000)
+    least = np.array([0.02033762826198046, 0.09654585847595835, -0.07620827178132243])
+    random, ends = np.random.default_rng(1), list[str]()
+    for _ in range(20):
+        try:
+            experiment((least * (1 + 1e-5 * random.standard_normal(3))).tolist())
+        except FailedRun as failure:
+            ends.append(str(failure))
+    assert len(ends) > 5
+    for message in ends:
+        assert "singular configuration" in message

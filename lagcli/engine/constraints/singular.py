@@ -44,6 +44,12 @@ _DESCENT = 0.02
 #: ... and below this part the path ahead is examined. Not later, because the rounding errors of a
 #: and λ grow with the inverse square of the value.
 _LOOK = 0.04
+#: ... again after it has fallen to this part: where the motion ends, at a turning point, it does so
+#: in small steps.
+_FALLEN = 0.85
+#: Steps that change the weakest value by less than a part of it are limited by rounding errors,
+#: where these are large: one step of an approach changes it by several hundredths.
+_STUCK, _PROGRESS = 20, 1e-3
 #: Largest residual of a state that is on the constraints, relative to the coordinates' sizes.
 _OFF = 1e-9
 #: Rounding errors of the weakest value of nonzero entries, the root of an eigenvalue.
@@ -152,6 +158,8 @@ class RankWatch:
         self._nodes: list[_Node] = []
         self._accelerations: dict[float, Array] = {}  # of the last nodes that were examined
         self._usual = 0.0
+        self._examined = math.inf  # weakest value where the path ahead was examined last
+        self._last_change = (0, math.inf)  # number of steps and weakest value
 
     def values(self, t: float, q: Array, v: Array) -> Array | None:
         """Return the singular values of the scaled B, largest first; None if undefined."""
@@ -190,6 +198,7 @@ class RankWatch:
         """Discard the path so far."""
         self._nodes.clear()
         self._accelerations.clear()
+        self._examined, self._last_change = math.inf, (0, math.inf)
 
     # inside a step
 
@@ -329,6 +338,25 @@ class RankWatch:
         rate = self._descent(NEAR)
         return math.inf if rate is None else _DESCENT * self._usual / rate
 
+    def is_stuck(self, steps: int, rtol: float) -> bool:
+        """Return whether rounding errors keep the motion from approaching a singular configuration.
+
+        Those of a grow with the inverse square of the weakest value. Where they exceed the relative
+        tolerance, they may limit the steps to a size in which the motion does not change.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps so far.
+        rtol : float
+        """
+        weakest, (since, before) = self._nodes[-1].weakest, self._last_change
+        if abs(weakest - before) > _PROGRESS * weakest:
+            self._last_change = steps, weakest
+            return False
+        lost = np.finfo(float).eps > rtol * weakest**2  # rows of B have a length of about 1
+        return bool(lost and steps - since >= _STUCK)
+
     def _acceleration(self, node: _Node) -> Array:
         """Return the accelerations at a node, which consecutive steps share."""
         known = self._accelerations.get(node.t)
@@ -367,8 +395,9 @@ class RankWatch:
     def ahead(self) -> Ahead | None:
         """Examine the path for a singular configuration that the last steps approach."""
         rate = self._descent(_LOOK)
-        if rate is None:
+        if rate is None or self._nodes[-1].weakest > _FALLEN * self._examined:
             return None
+        self._examined = self._nodes[-1].weakest
         last = self._nodes[-_NODES:]
         self._accelerations = {node.t: self._acceleration(node) for node in last}
         path = self._continued(last[-3:])

@@ -530,6 +530,8 @@ class Integration:
         watch.add(t, y)
         ahead = watch.ahead()
         if ahead is None:
+            if watch.is_stuck(steps, self.settings.rtol):
+                raise watch.floor(t, y, self.settings.method)
             core.limit(watch.largest_step())
             return False
         if not self.crosses:

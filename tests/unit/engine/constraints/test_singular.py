@@ -123,6 +123,25 @@ def test_times_are_resolved_relative_to_the_larger_of_time_and_duration() -> Non
     assert _resolution(-5.0, -4.0) == 4e-12
 
 
+def test_steps_without_progress_are_limited_by_rounding_errors(watch: RankWatch) -> None:
+    """At a weakest value of 1e-4, those of a are 2e-8."""
+
+    def first(part: float, rtol: float) -> int | None:
+        """Return the number of steps, each a part of what is left, after which it is stuck."""
+        watch.restart()
+        for k in range(100):
+            time = SINGULAR_TIME - 1e-4 * math.cos(START) / SPEED * (1 - part) ** k
+            watch.add(time, y(time))
+            if watch.is_stuck(k, rtol):
+                return k
+        return None
+
+    assert first(1e-6, 1e-9) == 20
+    assert first(0.02, 1e-9) is None
+    assert first(1e-6, 1e-7) is None
+    assert first(1e-6, 1e-9) == 20
+
+
 def test_a_path_off_the_constraints_is_not_certain(watch: RankWatch) -> None:
     """Two branches that miss each other by its residual: one is turned away, one is not."""
 
