@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.engine.contract import Stop
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
@@ -102,6 +103,11 @@ def resources(
         (t, q, v, a, λ, p) → the derived values; see `DerivedTape`.
     inputs : sequence of str
         Parameters that may change during a run.
+
+    Raises
+    ------
+    NumericalError
+        The start is singular.
     """
     model, system = simulation.model, simulation.system
     _check_engagements(model)
@@ -125,7 +131,10 @@ def resources(
     ]
     body = b"".join(parts)
     values = word_data(_MAGIC) + word_data(2 + len(body) // 8) + body
-    return Resources(model_data(system, simulation.request, [method]), values)
+    try:
+        return Resources(model_data(system, simulation.request, [method]), values)
+    except Stop as stop:
+        raise NumericalError(str(stop)) from None
 
 
 def _constraints_at_start(system: System) -> list[bytes]:

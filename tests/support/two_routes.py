@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from core_parts import parts
 
+from lagcli.engine.contract import Stop
 from lagcli.engine.core.library import KERNEL
 from lagcli.engine.core.run import core
 from lagcli.engine.core.status import Status
@@ -76,7 +77,11 @@ def by_simulate(simulation: Simulation) -> Route:
 
 def by_page(simulation: Simulation, method: str) -> Route:
     """Run it as a page or an FMU does, by a method."""
-    data = model_data(simulation.system, simulation.request, (method,))
+    try:
+        data = model_data(simulation.system, simulation.request, (method,))
+    except Stop as stop:
+        nothing = np.empty((0, simulation.system.sample_layout.size))
+        return Route(False, -1, (0, 0), nothing, np.array([]), str(stop))
     words, model = np.frombuffer(data, dtype=np.int64).copy(), lag_model()
     assert parts.lag_read_model(None, words.ctypes.data, len(data), byref(model)) == 0
     e, problem = model.equations, model.problem

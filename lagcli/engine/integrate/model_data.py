@@ -59,8 +59,15 @@ def model_data(
     methods : sequence of str
         The methods that are to be available, as far as the equations permit. An implicit one
         takes a run by it.
+
+    Raises
+    ------
+    Stop
+        The start is singular: whoever runs the data elsewhere refuses starts at which the rank of
+        B is another one.
     """
     run = _integration(system, request, "DOP853")
+    run.check_start()
     prepared, start = run.in_use, run.request.state
     parts = run.parts(prepared)
     parts["breaks"] = breaks_of(run.system, run.request)

@@ -389,12 +389,9 @@ class Integration:
 
     def integrate(self) -> None:
         """Integrate; a run that cannot be completed raises `Stop`."""
-        request, core = self.request, self.core
+        core = self.core
         limits = Limits(self.settings)
-        if self.redundant:
-            start = request.state
-            self.watch.check_start(start.t, start.q, start.v, self.projection)
-            self.check_redundancy()
+        self.check_start()
         if self.handle_status(core.start()):
             return
         # a step of a large model may take as long as a slice
@@ -602,6 +599,13 @@ class Integration:
 
         q, v = self.motion.split(path(found.time))
         raise self.watch.stop(found, q, v, self.advice(approach))
+
+    def check_start(self) -> None:
+        """Stop if the start is singular, or if redundant constraints contradict each other."""
+        if self.redundant:
+            start = self.request.state
+            self.watch.check_start(start.t, start.q, start.v, self.projection)
+            self.check_redundancy()
 
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""

@@ -306,6 +306,26 @@ simulation: {{t_end: 2}}
     instance.free()
 
 
+@pytest.mark.parametrize(("angle", "begins"), [(-1e-3, True), (0.0, False)])
+def test_a_singular_start_is_refused(angle: float, begins: bool, tmp_path: Path) -> None:
+    """Redundant constraints, which are singular where all links are in one line."""
+    values = {"alpha_1": angle, "alpha_2": angle, "alpha_3": angle}
+    model = lagcli.load("parallelogram")
+    run = lagcli.simulate(lagcli.load("parallelogram", set_initial=values), t_end=0.1)
+    assert (run.status == "completed") == begins
+    instance = unpacked(model, tmp_path).instance()
+    if begins:
+        instance.begin(0.0, values)
+        instance.step(0.0, 0.1)
+        found = instance.get("alpha_1", "alpha_2", "alpha_3", "beta")
+        assert found == pytest.approx(run.q[-1].tolist(), rel=1e-7)
+    else:
+        assert "the start is a singular configuration" in run.message
+        with pytest.raises(FmuError, match="the constraints are singular at the initial state"):
+            instance.begin(0.0, values)
+    instance.free()
+
+
 def test_damaged_resources_are_refused(tmp_path: Path) -> None:
     fmu = unpacked(lagcli.load("slider_crank"), tmp_path)
     rng = np.random.default_rng(7)

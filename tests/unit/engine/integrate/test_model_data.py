@@ -16,6 +16,8 @@ from core_parts import parts
 from core_runs import MODELS, data_of, prepared
 from two_routes import by_simulate
 
+import lagcli
+from lagcli.engine.contract import Stop
 from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.core.run import core
 from lagcli.engine.core.status import Status
@@ -25,13 +27,15 @@ from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate import run
 from lagcli.engine.integrate.model_data import model_data
 from lagcli.engine.tape.operations import Op
-from lagcli.simulations.simulation import Simulation
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import Simulation, prepare
 
 #: lag_model_status.
 STATUSES = (
     *("read", "format", "length", "sizes", "index", "program", "outputs", "number", "method"),
     "memory",
 )
+FOUND = Path(__file__).parents[3] / "found"
 PROGRAM = Path(__file__).parents[1] / "core" / "simulate.c"
 COMPILER = os.environ.get("CC", "cc").split()
 
@@ -292,11 +296,18 @@ def test_a_clock_must_have_a_period_beyond_rounding() -> None:
     assert STATUSES[status] == "number"
 
 
+@pytest.mark.parametrize("method", ["auto", "DOP853"])
+def test_a_singular_start_has_no_data(method: str) -> None:
+    """Whoever runs the data elsewhere takes its rank for that of all starts."""
+    model = lagcli.load(FOUND / "rod_half_turn.yaml")
+    simulation = prepare(model, SettingsOverrides(method=method))
+    with pytest.raises(Stop, match="the start is a singular configuration") as stop:
+        model_data(simulation.system, simulation.request, ("DOP853",))
+    assert str(stop.value) == by_simulate(simulation).why
+
+
 def test_values_that_others_must_follow_end_the_run(tmp_path: Path) -> None:
     """The nearest state on the constraints is found by lagcli alone."""
-    import lagcli
-    from lagcli.simulations.simulation import prepare
-
     text = (MODELS / "pendulum_cartesian.yaml").read_text("utf-8")
     text += "events:\n  kick: {when: t >= 0.5, set: {x': 1}}\n"
     file = tmp_path / "kicked.yaml"
