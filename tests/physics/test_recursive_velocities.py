@@ -7,13 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmi import Unpacked
 from scipy.integrate import solve_ivp
 from trees import ROPE, pendulum, random_tree, rope
+from two_routes import by_page, by_simulate, difference
 
 import lagcli
 from lagcli.engine.integrate import prepared
 from lagcli.engine.integrate import run as single_runs
 from lagcli.equations.derivation import lagrange
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import prepare
 
 ROOT = Path(__file__).parents[2]
 PENDULUM = ROOT / "models" / "pendulum_chain.yaml"
@@ -34,14 +38,20 @@ def always(monkeypatch):
 def in_use(monkeypatch):
     """Return a list of the preparations that runs use."""
     used = []
-    use = single_runs.Integration.use
+    note = single_runs.Integration.note
 
     def noted(self, made):
         used.append(made)
-        use(self, made)
+        note(self, made)
 
-    monkeypatch.setattr(single_runs.Integration, "use", noted)
+    monkeypatch.setattr(single_runs.Integration, "note", noted)
     return used
+
+
+def difference_of_pages(model, **settings):
+    """Return what differs between a run and that of a page, bit by bit."""
+    simulation = prepare(model, SettingsOverrides(method="DOP853", **settings))
+    return difference(by_simulate(simulation), by_page(simulation, "DOP853"))
 
 
 def integrated(acceleration, q, times):
@@ -120,11 +130,9 @@ def test_a_force_that_changes_its_law(always, monkeypatch):
     np.testing.assert_allclose(run.q, expected.q, rtol=0, atol=1e-8)
 
 
-def test_a_wrong_form_is_noticed_and_left(always, monkeypatch):
-    used = in_use(monkeypatch)
-    model = lagcli.load(PENDULUM, set={"N": 12})
-    right = lagcli.simulate(model, t_end=0.3, samples=4)
-    assert used[-1].recursive
+@pytest.fixture
+def wrong_form(monkeypatch):
+    """A factor of the recursive form of systems is wrong in its fourth digit."""
     lower_recursive = lagcli.engine.lowering.lower.lower_recursive
 
     def wrong(equations, functions):
@@ -134,9 +142,43 @@ def test_a_wrong_form_is_noticed_and_left(always, monkeypatch):
         return lower_recursive(replace(equations, recursive=recursive), functions)
 
     monkeypatch.setattr("lagcli.engine.lowering.lower.lower_recursive", wrong)
+
+
+def test_a_wrong_form_is_noticed_and_left(always, monkeypatch, request):
+    used = in_use(monkeypatch)
+    model = lagcli.load(PENDULUM, set={"N": 12})
+    right = lagcli.simulate(model, t_end=0.3, samples=4)
+    assert used[-1].recursive
+    request.getfixturevalue("wrong_form")
     run = lagcli.simulate(model, t_end=0.3, samples=4)
     assert [made.recursive for made in used[-2:]] == [True, False]
     np.testing.assert_allclose(run.q, right.q, rtol=0, atol=1e-9)
+
+
+@pytest.mark.bits
+@pytest.mark.parametrize("form", ["always", "wrong_form"])
+@pytest.mark.parametrize("text", [PENDULUM.read_text("utf-8"), ROPE], ids=["pendulum", "rope"])
+def test_pages_take_the_recursive_form_and_leave_it_as_simulate_does(
+    text, form, always, monkeypatch, request
+):
+    request.getfixturevalue(form)
+    used = in_use(monkeypatch)
+    assert difference_of_pages(lagcli.load_text(text, set={"N": 12}), t_end=0.3, samples=4) == ""
+    assert [made.recursive for made in used[:2]] == [False, True]
+
+
+@pytest.mark.parametrize("values", [{}, {"D": 0.65}], ids=["its start", "another one"])
+def test_an_fmu_of_a_rope_takes_the_recursive_form(values, always, tmp_path):
+    """Another start is the nearest one by M, which is that of the usual tape."""
+    model = lagcli.load_text(ROPE)
+    instance = Unpacked(lagcli.fmu(model, "2.0", icon=False), tmp_path).instance()
+    run = lagcli.simulate(lagcli.load_text(ROPE, set=values), rtol=1e-10)
+    instance.begin(0.0, values)
+    assert instance.get(*run.coordinates) == pytest.approx(run.q[0].tolist(), abs=1e-9)
+    for i in range(10):
+        instance.step(i / 20, 0.05)
+    assert instance.get(*run.coordinates) == pytest.approx(run.q[-1].tolist(), abs=1e-5)
+    instance.free()
 
 
 @pytest.mark.parametrize("n", [4, 12])

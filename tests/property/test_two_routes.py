@@ -26,7 +26,6 @@ _ANY = ("auto", *METHODS)
 #: Models whose run by a page differs: what pages lack, and by which methods.
 GAPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "atol_block": (_STIFF, ("auto",)),
-    "beam40": ("the recursive form is used in long runs", ("Radau",)),
     "belt_ramp": (_STIFF, ("auto",)),
     "belt_ramp_notime": (_STIFF, ("auto",)),
     "condenser_microphone": (_STIFF, ("auto",)),
@@ -38,7 +37,7 @@ GAPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "singular_start": (_NEAR, ("auto", "DOP853", "Rodas5P", "Taylor")),
 }
 #: Runs of more than 8 s of processor time.
-LONG = [("beam40", "Radau"), ("beam40", "Rodas5P"), ("net_rods", "Radau"), ("net_rods", "Rodas5P")]
+LONG = [("beam40", "Rodas5P"), ("net_rods", "Radau"), ("net_rods", "Rodas5P")]
 
 
 def check(path: Path, method: str) -> None:

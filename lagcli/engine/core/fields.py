@@ -28,6 +28,7 @@ _CONTENTS = {
     "rules": 64,
     "tangent": 128,
 }
+_RECURSIVE = 256
 _COUNTS = {
     "breaks": "break_count",
     "functions": "function_count",
@@ -37,17 +38,20 @@ _COUNTS = {
 _NOTHING: dict[str, Any] = dict.fromkeys(name for name, *_ in lag_model._fields_)
 
 
-def model_fields(**parts: Any) -> dict[str, Any]:
+def model_fields(*, recursive: bool = False, **parts: Any) -> dict[str, Any]:
     """Return what a run needs, `lag_model`.
 
     Parameters
     ----------
+    recursive : bool
+        Whether the unrolled elimination is that of the recursive form.
     **parts
         Fields by their names, without counts: dictionaries of the fields of structures, lists of
         these, programs, numbers. What is not given is not there.
     """
     model = _NOTHING | parts
-    model["contents"] = sum(bit for name, bit in _CONTENTS.items() if model[name] is not None)
+    there = sum(bit for name, bit in _CONTENTS.items() if model[name] is not None)
+    model["contents"] = there + (_RECURSIVE if recursive else 0)
     for name, count in _COUNTS.items():
         model[count] = 0 if model[name] is None else len(model[name])
     return model

@@ -44,6 +44,7 @@ enum lag_model_contents {
     LAG_MODEL_JACOBIANS = 32,
     LAG_MODEL_SWITCHING = 64,
     LAG_MODEL_TANGENT = 128,           /* not in data: the equations are those of a motion and its derivatives */
+    LAG_MODEL_RECURSIVE = 256,         /* the unrolled elimination has other unknowns: M and f are those of LAG_MODEL_PLAIN */
 };
 
 /* Why a model is rejected, or a simulation of it. */

@@ -78,8 +78,12 @@ def model_data(
         "block": None,
         "kernel": 0,
     }
-    parts["unrolled"] = unrolled(run.system, prepared).whole
-    parts["unroll_after"] = int(run.unroll_at) if math.isfinite(run.unroll_at) else 0
+    if math.isfinite(run.unroll_at):
+        later = run.for_long_runs()
+        parts |= {"unrolled": later.whole, "recursive": later.recursive}
+        parts["unroll_after"] = int(run.unroll_at)
+    else:
+        parts["unroll_after"] = 0
     series = run.series_program(unrolled(run.system, prepared)) if "Taylor" in methods else ""
     if not isinstance(series, str):
         parts["series"] = series_fields(series)

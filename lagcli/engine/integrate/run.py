@@ -645,6 +645,8 @@ def _solution(system: System, prepared: Prepared) -> dict[str, Any]:
     if plan is None:
         return {"dynamics": prepared.dynamics}
     left_out = plan.left_out(motion) or None
+    if prepared.recursive:
+        return {"dynamics": prepared.plain, "unrolled": prepared.whole, "recursive": True}
     if prepared.whole is not None:
         return {"unrolled": prepared.whole, "left_out": left_out}
     elimination = elimination_fields(motion, plan)

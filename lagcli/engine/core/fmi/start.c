@@ -55,7 +55,9 @@ int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
 static int bind_metric(lag_start_search *s)
 {
     const lag_equations *e = &s->equations;
-    const lag_program *dynamics = s->model->contents & LAG_MODEL_UNROLLED ? &s->model->unrolled : &s->model->dynamics;
+    const int with_metric = LAG_MODEL_UNROLLED | LAG_MODEL_RECURSIVE;
+    const lag_program *dynamics =
+        (s->model->contents & with_metric) == LAG_MODEL_UNROLLED ? &s->model->unrolled : &s->model->dynamics;
     const int64_t nq = e->nq, nc = e->nc, n = nq + nc;
     if (s->measures)
         return 0;

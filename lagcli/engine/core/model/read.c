@@ -368,13 +368,18 @@ static void *room(lag_reader *in, lag_pool *pool, int count, size_t size)
 static void read_parts(lag_reader *in, lag_pool *pool, lag_model *m)
 {
     const int all = LAG_MODEL_PLAIN | LAG_MODEL_LOOP | LAG_MODEL_UNROLLED | LAG_MODEL_TIME | LAG_MODEL_SERIES
-                    | LAG_MODEL_JACOBIANS | LAG_MODEL_SWITCHING;
+                    | LAG_MODEL_JACOBIANS | LAG_MODEL_SWITCHING | LAG_MODEL_RECURSIVE;
+    const int recursive = LAG_MODEL_PLAIN | LAG_MODEL_UNROLLED;
     const int has = m->contents = lag_read_int(in, 0, all);
     const lag_equations *e = &m->equations;
     m->unroll_after = lag_read_word(in);
     m->equations = equations(in);
     m->problem = problem(in, e);
     const int left_out = e->nc - m->problem.rank;
+    if (has & LAG_MODEL_TANGENT
+        || (has & LAG_MODEL_RECURSIVE
+            && ((has & recursive) != recursive || has & LAG_MODEL_SERIES || left_out)))
+        lag_reject(in, LAG_MODEL_SIZES);
     if (!(has & (LAG_MODEL_PLAIN | LAG_MODEL_UNROLLED)) || (has & LAG_MODEL_LOOP && !(has & LAG_MODEL_PLAIN))
         || (has & LAG_MODEL_SERIES && !(has & LAG_MODEL_UNROLLED)) || m->unroll_after < 0)
         lag_reject(in, LAG_MODEL_SIZES);

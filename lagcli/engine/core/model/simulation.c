@@ -94,7 +94,17 @@ static int unroll(lag_simulation *s)
     s->steps_to_unroll = INT64_MAX;
     if (lag_use_unrolled(s->run, &s->model.unrolled))
         return 1;
+    if (s->model.contents & LAG_MODEL_RECURSIVE)
+        return lag_use_equations(s->run, &s->model.dynamics);
     return lag_method_at(s->method) == &lag_taylor && lag_use_series(s->run, &s->model.series);
+}
+
+/* Use an elimination in a loop, or the dense solution. */
+static int use_loop(lag_simulation *s)
+{
+    const lag_model *m = &s->model;
+    return m->contents & LAG_MODEL_LOOP ? lag_use_elimination(s->run, &m->dynamics, &m->elimination)
+                                        : lag_use_dense(s->run, &m->dynamics);
 }
 
 static int use_dynamics(lag_simulation *s)
@@ -109,8 +119,7 @@ static int use_dynamics(lag_simulation *s)
     if (!(m->contents & LAG_MODEL_PLAIN) || (unrolled && lag_method_at(s->method) == &lag_taylor))
         return unroll(s);
     s->steps_to_unroll = unrolled ? m->unroll_after : INT64_MAX;
-    return m->contents & LAG_MODEL_LOOP ? lag_use_elimination(s->run, &m->dynamics, &m->elimination)
-                                        : lag_use_dense(s->run, &m->dynamics);
+    return use_loop(s);
 }
 
 /* Make the run. Returns 0, or 1 where there is no memory. */
@@ -206,9 +215,13 @@ static int use_pivots(lag_simulation *s)
     return lag_use_pivots(s->run, pivots);
 }
 
-/* Solve densely for a step, as the elimination fails. Returns whether that may help. */
+/* Go back to the elimination in a loop, for good, from that of other unknowns, whose order is more delicate; or solve densely
+ * for a step, as the elimination fails. Returns whether that may help. */
 static int retry(lag_simulation *s)
 {
+    const int with_loop = LAG_MODEL_RECURSIVE | LAG_MODEL_LOOP;
+    if ((s->model.contents & with_loop) == with_loop && s->run->system.equations.registers)
+        return !use_loop(s) && lag_sizes_again(s->run) == LAG_RUNNING;
     const double t = s->run->step.t;
     s->retries = s->retried == t ? s->retries + 1 : 0;
     s->retried = t;
