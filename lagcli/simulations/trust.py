@@ -25,6 +25,8 @@ _PER_STEP = 3.0
 #: Largest error of the energy for any tolerance, relative; rounding errors are smaller.
 _LARGEST = 0.01
 _ROUNDING = 1e-11
+#: An error of the energy that many times larger than explained is hardly one of the tolerance.
+_MISSED = 1e3
 #: Energies below this part of their terms are rounding errors and errors of the state.
 _CANCELLED = 1e-9
 #: Rounding errors of accelerations, relative to those by the constraint forces.
@@ -152,8 +154,8 @@ class Trust:
             f" {self._largest[most]:.2g}; check the signs of the forces"
         ]
 
-    def _remedy(self) -> str:
-        """Return the remedy for a large error of the energy balance."""
+    def _remedy(self, excess: float) -> str:
+        """Return the remedy for an energy error, given its ratio to the explained one."""
         places = [REPORTED.index(name) for name in ("energy_kinetic", "energy_potential")]
         energies = self.system.report.selected(places)
         if any(op in KINKS for op, *_ in energies.code):
@@ -161,6 +163,8 @@ class Trust:
                 "T or V has branches, and no force makes up for a jump of them: write them so that"
                 " both sides are equal where they meet, or give a smaller --rtol"
             )
+        if excess > _MISSED:
+            return "give a smaller --rtol, or a --max-step if a force acts for less than a step"
         return "give a smaller --rtol"
 
     def warnings(self, settings: Settings, steps: int, columns: DerivedColumns) -> tuple[str, ...]:
@@ -183,10 +187,11 @@ class Trust:
         elif scale < rtol * self.parts:  # smaller than the tolerance resolves, but not zero
             allowed = min(_LARGEST, explained * self.parts / scale)
         if not self.balance <= allowed * scale and not self.balance <= self._drift(steps):
-            share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
+            error = self.balance / scale if scale else 0.0
+            share = f", {error:.2g} of the energies involved" if scale else ""
             warnings.append(
                 f"the energy balance has an error of {self.balance:.2g} J{share}, more than"
-                f" the tolerance explains ({allowed:.1g}): {self._remedy()}"
+                f" the tolerance explains ({allowed:.1g}): {self._remedy(error / allowed)}"
             )
         for level, largest in self._residuals.items():
             with np.errstate(invalid="ignore"):

@@ -40,6 +40,15 @@ initial: {x: 1, y: 1, x': 0, y': 0}
 simulation: {t_end: 1, samples: 3}
 """
 
+PASSING = """
+coordinates: [x, y]
+parameters: {w: 7.3e-4, F: 8.98}
+T: x'^2/2 + y'^2/2
+Q: {x: F*(1/(1+exp(-(x - y + 1)/w)) - 1/(1+exp(1-(x - y + 1)/w)))}
+initial: {x: 0, x': 0, y: -10, y': 1.637}
+simulation: {t_end: 7}
+"""
+
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_shipped_models_are_trusted(path: Path) -> None:
@@ -69,6 +78,16 @@ def test_lost_energy_is_reported_of_angles_of_many_turns(rtol: float) -> None:
     said = any("energy balance has an error of" in warning for warning in run.warnings)
     assert said == (share > 0.01)
     assert (share > 0.01) == (rtol == 0.1)
+
+
+def test_a_force_passed_within_a_step_is_reported_with_its_remedy() -> None:
+    """y moves freely past x, which it pulls within 1 mm only; reference: SciPy, DOP853, 1e-11."""
+    model = lagcli.load_text(PASSING)
+    (warning,) = lagcli.simulate(model, method="DOP853").warnings
+    assert warning.endswith("or a --max-step if a force acts for less than a step")
+    resolved = lagcli.simulate(model, method="DOP853", max_step=1e-3)
+    assert resolved.warnings == ()
+    assert resolved.v[-1, 0] == pytest.approx(4.00943052e-3, rel=1e-8)
 
 
 @pytest.mark.parametrize(
