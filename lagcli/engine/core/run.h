@@ -39,6 +39,7 @@ typedef struct {
 
 /* sizes.c: a tape whose rounding errors are enclosed, and the number of registers that there is memory for. */
 typedef struct {
+    lag_pool pool;                     /* of the registers, made when they are first needed */
     lag_jet_tape jets;
     int64_t capacity;
 } lag_enclosed;

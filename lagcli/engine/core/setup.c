@@ -100,6 +100,12 @@ static void allocate_rows(lag_run *run)
     run->rows.same_column = next;
 }
 
+static void release_enclosed(void *enclosed)
+{
+    for (int i = 0; i < 2; ++i)
+        lag_release(&((lag_enclosed *)enclosed)[i].pool);
+}
+
 static void allocate(lag_run *run)
 {
     lag_pool *pool = &run->pool;
@@ -129,7 +135,9 @@ static void allocate(lag_run *run)
     run->tolerances.change = lag_doubles(pool, n);
     run->tolerances.noise = lag_doubles(pool, n);
     run->tolerances.limiting = -1;
-    run->tolerances.enclosed = lag_own(pool, 2 * sizeof(lag_enclosed), NULL);
+    run->tolerances.enclosed = lag_own(pool, 2 * sizeof(lag_enclosed), release_enclosed);
+    for (int i = 0; run->tolerances.enclosed && i < 2; ++i)
+        run->tolerances.enclosed[i].pool = lag_pool_of(&pool->from);
     run->tolerances.strict = lag_doubles(pool, INT64_C(2) * n);
     run->projection.scale_position = lag_doubles(pool, run->system.nh);
     run->projection.scale_velocity = lag_doubles(pool, nc);

@@ -260,7 +260,8 @@ static lag_jet_tape *enclosed_tape(lag_run *run, int solves)
     if (tape->register_count > MOST_REGISTERS)
         return NULL;
     if (e->capacity < tape->register_count) { /* at first, or after another order of elimination */
-        e->jets.registers = lag_own(&run->pool, JET * (size_t)tape->register_count * sizeof(lag_interval), NULL);
+        lag_release(&e->pool);
+        e->jets.registers = lag_get(&e->pool, JET * (size_t)tape->register_count, sizeof(lag_interval));
         e->capacity = e->jets.registers ? tape->register_count : 0;
     }
     lag_jets_of_tape(&e->jets, tape);

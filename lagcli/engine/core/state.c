@@ -99,7 +99,7 @@ static void step(lag_archive *a, lag_run *run)
     const int n = lag_size(&run->system);
     double *several[] = {s->y, s->f, s->y_old, s->y_new, s->f_new};
     double *one[] = {&s->t_start, &s->t, &s->t_stop, &s->h, &s->error_old, &s->t_old, &s->h_old};
-    int *marks[] = {&s->searching, &s->dense_inaccurate};
+    int *marks[] = {&s->searching, &s->dense_inaccurate, &s->strays};
     reals(a, several, LENGTH(several), n);
     reals(a, one, LENGTH(one), 1);
     flags(a, marks, LENGTH(marks), 1);
@@ -116,6 +116,7 @@ static void tolerances(lag_archive *a, lag_run *run)
     lag_tolerances *t = &run->tolerances;
     const int nq = run->system.nq, n = lag_size(&run->system);
     lag_archive_reals(a, t->atol, n);
+    lag_archive_reals(a, t->rounding, n);
     lag_archive_reals(a, t->size, n);
     lag_archive_reals(a, t->acceleration_terms, nq + 1);
     lag_archive_reals(a, t->future_acceleration, nq);
@@ -124,6 +125,7 @@ static void tolerances(lag_archive *a, lag_run *run)
     lag_archive_reals(a, t->largest, INT64_C(2) * t->kinds);
     lag_archive_reals(a, t->noise, n);
     number(a, &t->noise_until);
+    lag_archive_int(a, &t->limiting, -1, n - 1);
     number(a, &t->since);
     number(a, &t->again);
     lag_archive_int(a, &run->stiffness.stiff, 0, INT32_MAX / 2);

@@ -39,6 +39,22 @@ def test_methods_go_on_as_they_were(method: str, tmp_path: Path) -> None:
     assert restored_differently(fmu, times_of(model, 40), 30, seed=2) == 0
 
 
+SPRING_WITH_PLAY = """
+coordinates: [x]
+T: x'^2/2
+Q: {x: "-558*(max(x - 0.11, 0) + min(x + 0.11, 0))"}
+initial: {x: 0, x': 0.82}
+simulation: {method: Radau, t_end: 2.3 s, rtol: 1e-9}
+"""
+
+
+def test_what_rounding_errors_need_of_tolerances_is_part_of_a_state(tmp_path: Path) -> None:
+    """The tolerance of Radau's error estimate is not that of the step."""
+    model = lagcli.load_text(SPRING_WITH_PLAY)
+    fmu = unpacked(model, tmp_path)
+    assert restored_differently(fmu, times_of(model, 40), 30, seed=2) == 0
+
+
 SLIDER = """
 coordinates: [x, y]
 T: (x'^2 + y'^2)/2

@@ -181,6 +181,21 @@ def test_a_run_that_goes_back_is_the_one_that_does_not(
         np.testing.assert_array_equal(found, wanted)
 
 
+@pytest.mark.parametrize(
+    ("name", "method", "steps"),
+    [
+        ("contact/slider_crank_friction", "Radau", 1),
+        ("parallelogram", "Rodas5P", 3),
+        ("car_on_road", "DOP853", 10),
+    ],
+)
+def test_a_run_that_goes_back_releases_what_it_needs_for_rounding_errors(
+    name: str, method: str, steps: int, simulate: Callable[..., Run]
+) -> None:
+    """The program fails where an allocation is not released."""
+    assert simulate(data_of(name, (method,)), method, saved_at=steps).status == Status.DONE
+
+
 def test_a_small_block_is_taken_again_and_again(simulate: Callable[..., Run]) -> None:
     data = data_of("contact/bouncing_ball", ("DOP853",))
     for found, wanted in zip(
