@@ -23,7 +23,7 @@
 #include "switching/watched.h"
 #include "watch.h"
 
-#define SHORTER 0.3         /* of a step that passed a singular configuration, or in which a contact closes unseen */
+#define SHORTER 0.3         /* of a step that passed a singular configuration, in which a contact closes unseen, or whose dense output strays */
 #define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
 #define NOTICEABLE 0.1      /* error of a solution beside the tolerances of a step, which may have rejected it */
@@ -221,6 +221,8 @@ int lag_advance(lag_run *run, int64_t slice)
     for (;;) {
         if (run->step.finishing) {
             int status = run->switching.used ? lag_look_for_instant(run) : LAG_RUNNING;
+            if (status == LAG_RUNNING && !run->step.finishing && !run->switching.due)
+                continue; /* the step is repeated */
             if (status == LAG_RUNNING && !run->switching.due)
                 status = finish(run);
             if (status != LAG_RUNNING || (run->switching.due && run->switching.waits))

@@ -228,6 +228,10 @@ int lag_look_for_instant(lag_run *run)
             run->step.dense_ready = run->step.dense_inaccurate = 0;
             return LAG_INACCURATE;
         }
+        if (result == LAG_STRAYING) {
+            lag_repeat(run);
+            return LAG_RUNNING;
+        }
         if (result < 0 || !lag_join_ticks(run, result)) {
             if (result < 0) {
                 run->failure.t = run->step.t;

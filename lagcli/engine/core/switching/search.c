@@ -501,6 +501,16 @@ static int happens_at_end(lag_run *run)
     return happens;
 }
 
+/* Whether the dense output strays at a time within the last step. */
+static int strays_at(lag_run *run, double t)
+{
+    lag_switching *sw = &run->switching;
+    if (!run->stepped->dense_slope || !(t < run->step.t))
+        return 0;
+    lag_dense(run, t, sw->y);
+    return !lag_derivative(run, t, sw->y, sw->slope) && lag_strays(run, t, sw->slope + run->system.nq);
+}
+
 int lag_find_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -563,6 +573,8 @@ int lag_find_instant(lag_run *run)
             return 0; /* the caller repeats the step */
         if (isnan(sw->instant))
             return LAG_NOT_RESOLVED;
+        if (sw->instant < INFINITY && strays_at(run, sw->instant))
+            return LAG_STRAYING;
         end_conditions(run, sw->instant);
         if (sw->instant < INFINITY)
             return 1;
