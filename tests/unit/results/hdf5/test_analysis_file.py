@@ -43,8 +43,11 @@ def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
 
 def test_contents_that_are_not_those_of_the_command_are_rejected(tmp_path: Path) -> None:
     cases = [
-        ({**CONTENT, "notes": None}, "content.notes is null and not an array"),
-        ({**CONTENT, "operating_point": {**POINT, "v": {}}}, "point.v has no keys, but .*keys φ"),
+        ({**CONTENT, "notes": None}, "content.notes: None is not of type 'array'"),
+        (
+            {**CONTENT, "operating_point": {**POINT, "v": {}}},
+            "point.v: has keys none, but .* has φ",
+        ),
         ({**CONTENT, "command": "../check"}, r'kind is "?\'../check\'.*this version does not have'),
     ]
     for i, (content, said) in enumerate(cases):
