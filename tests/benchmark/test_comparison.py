@@ -19,6 +19,7 @@ from comparison.process import WholeProcess
 from comparison.reference import reference
 from comparison.symbols import SymbolicCase
 from comparison.verdicts import faster, judge
+from random_cases import some
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
@@ -37,7 +38,7 @@ def result(program: str, *points: tuple[float, float], name: str = "") -> Result
     return Result(program, name, "rtol", 0.0, made)
 
 
-@pytest.mark.parametrize("name", CHEAP)
+@pytest.mark.parametrize("name", some(CHEAP, 2))
 def test_the_others_get_the_same_equations(name: str) -> None:
     """M, f, B and γ of the geometry, at a random state: those of the model that lagcli reads."""
     import sympy as sp
@@ -239,6 +240,7 @@ def test_the_section_of_ported_models_is_replaced() -> None:
     assert page.index(table.PORTED) < page.index("## How each program is used")
 
 
+@pytest.mark.slow
 def test_contacts_and_events_are_measured_beside_what_they_replace() -> None:
     from comparison import contacts
 

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from here import Here
 from patience import PATIENCE
+from random_cases import some
 
 from lagcli.results import read
 
@@ -398,21 +399,24 @@ NOT_UTF8 = os.fsdecode(b"x\xff\xfe")
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
 @pytest.mark.parametrize(
     "line",
-    [
-        "derive NAME.yaml -o NAME.tex",
-        "derive NAME.yaml -o NAME.md",
-        "export NAME.yaml --to c -o NAME.c",
-        "export NAME.yaml --to python -o NAME.py",
-        "export NAME.yaml --to modelica -o NAME.mo",
-        "simulate NAME.yaml -o NAME.csv --meta --t-end 0.1 --force",
-        "sweep NAME.yaml --vary m=1,2 -o NAME.sweep.h5 --t-end 0.1",
-        "info NAME.h5",
-        "animate NAME.h5 -o NAME.anim.html",
-        "animate NAME.h5 -o NAME.gif --size 100x100 --fps 5",
-        "plot NAME.h5 NAME.csv x -o NAME.svg",
-        "report NAME.h5 -o NAME.html",
-        "report NAME.csv --model NAME.yaml -o NAME.html",
-    ],
+    some(
+        [
+            "derive NAME.yaml -o NAME.tex",
+            "simulate NAME.yaml -o NAME.csv --meta --t-end 0.1 --force",
+            "report NAME.h5 -o NAME.html",
+            "derive NAME.yaml -o NAME.md",
+            "export NAME.yaml --to c -o NAME.c",
+            "export NAME.yaml --to python -o NAME.py",
+            "export NAME.yaml --to modelica -o NAME.mo",
+            "sweep NAME.yaml --vary m=1,2 -o NAME.sweep.h5 --t-end 0.1",
+            "info NAME.h5",
+            "animate NAME.h5 -o NAME.anim.html",
+            "animate NAME.h5 -o NAME.gif --size 100x100 --fps 5",
+            "plot NAME.h5 NAME.csv x -o NAME.svg",
+            "report NAME.csv --model NAME.yaml -o NAME.html",
+        ],
+        3,
+    ),
 )
 def test_names_of_files_that_are_not_utf8(
     here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str

@@ -41,7 +41,7 @@ def test_kinds_are_compared(capsys) -> None:
         *(("slider_crank_textbook", form) for form in ("text", "latex", "markdown", "json")),
         ("parallelogram", "json"),
         ("car_axis", "latex"),
-        ("chain", "text"),
+        pytest.param("chain", "text", marks=pytest.mark.slow),
     ],
 )
 def test_every_format(capsys, form: str, name: str) -> None:

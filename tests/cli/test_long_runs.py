@@ -61,6 +61,7 @@ def wait_until_written(process: subprocess.Popen[str], size: int) -> None:
 # memory
 
 
+@pytest.mark.slow
 def test_a_million_samples_take_little_memory(tmp_path: Path) -> None:
     path = str(tmp_path / "run.h5")
     arguments = ("simulate", PENDULUM, "--samples", "1000000", "--quiet", "-o", path)

@@ -145,6 +145,7 @@ def test_make(place: Path) -> None:
     assert results(place) == {"run_1.h5", "run_2.h5", "run_3.h5"}
 
 
+@pytest.mark.slow  # as xargs does
 @needs("bash", "xargs", "awk", "seq", "grep")
 def test_slurm_array_and_reading_back(place: Path) -> None:
     batch, submission, tidy = blocks("Slurm", "sh")

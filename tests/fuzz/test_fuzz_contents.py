@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from answers import answer
 from mutants import changed_content
-from random_cases import FUZZ_COUNT
+from random_cases import FUZZ_COUNT, some
 
 import lagcli
 from lagcli.errors import LagcliError
@@ -315,7 +315,7 @@ def test_a_sweep_with_an_array_of_another_shape(
         pytest.param("report", "html", ["time", "measured"], marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.parametrize("values", [(0.0, 1e308), (-1e308, 1e308), (1e308, 1e308)])
+@pytest.mark.parametrize("values", some([(-1e308, 1e308), (0.0, 1e308), (1e308, 1e308)], 1))
 def test_numbers_too_large_for_an_axis(
     tmp_path: Path,
     originals: Originals,
@@ -344,7 +344,7 @@ def test_residuals_whose_squares_overflow(tmp_path: Path, originals: Originals) 
     assert f"rms x {rms:.3g} sigma" in said
 
 
-@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("kind", some(FILES, 4))
 def test_a_few_wrong_contents(tmp_path: Path, originals: Originals, kind: str) -> None:
     try_mutants(kind, originals[kind], tmp_path, FEW)
 

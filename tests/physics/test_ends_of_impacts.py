@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_cases import seeds
 
 import lagcli
 from lagcli.trajectory.event_log import EventLog
@@ -762,7 +763,7 @@ simulation: {t_end: 10}
             assert log.loss.sum() == pytest.approx(0.0, abs=1e-10 * 100**power)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(10, 30))
 def test_ropes_rest_where_a_finer_tolerance_finds_it(seed: int) -> None:
     text, *_ = ropes(seed)
     coarse, fine = (simulate(text, closed=closed)[1].rests() for closed in (1e-9, 1e-12))

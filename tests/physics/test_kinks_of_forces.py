@@ -218,7 +218,10 @@ PENDULUMS = (
 )
 
 
-@pytest.mark.parametrize(("l", "J", "k", "start"), PENDULUMS)
+@pytest.mark.parametrize(
+    ("l", "J", "k", "start"),
+    [*PENDULUMS[:2], *(pytest.param(*x, marks=pytest.mark.slow) for x in PENDULUMS[2:])],
+)
 def test_friction_of_a_bearing_whose_forces_pass_zero(
     l: float, J: float, k: float, start: float
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import every_model
 
 import lagcli
 from lagcli.model.model import Model
@@ -19,9 +20,9 @@ def run(model: Model, **options: Any) -> Trajectory:
     return lagcli.simulate(model, method="Taylor", **options)
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_shipped_models_move_alike(path: Path) -> None:
-    model = lagcli.load(path)
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_shipped_models_move_alike(name: str) -> None:
+    model = lagcli.load(name)
     t_end = min(1.0, model.settings.t_end or 1.0)
     options: dict[str, Any] = {"t_end": t_end, "samples": 21, "rtol": 1e-11, "atol": 1e-12}
     found = run(model, **options)

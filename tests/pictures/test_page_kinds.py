@@ -346,7 +346,7 @@ def without_script(page, scripted, text_alone):
 
 
 #: Kinds that have the parts of others.
-ALIKE = ("modes", "linear", "spatial_animation")
+ALIKE = ("sensitivities", "branch", "modes", "linear", "comparison", "spatial_animation")
 
 
 @pytest.mark.parametrize(

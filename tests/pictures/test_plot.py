@@ -48,7 +48,7 @@ def short_run(name: str, folder: Path) -> None:
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with short runs of some shipped models, and some others."""
     folder = tmp_path_factory.mktemp("results")
-    for name in (*REPRESENTATIVES, "double_pendulum_cartesian"):
+    for name in (*REPRESENTATIVES, "chain", "double_pendulum_cartesian"):
         short_run(name, folder)
     for mass in (1, 2, 3):
         model = lagcli.load(MODELS / "slider_crank.yaml", set={"m": mass})

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from random_cases import some
 
 from lagcli.cli.app import run
 from lagcli.pictures.words import words_of
@@ -62,7 +63,7 @@ def texts(page: Path) -> Texts:
     return parser
 
 
-@pytest.mark.parametrize("what", CASES)
+@pytest.mark.parametrize("what", some(CASES, 3))
 def test_reports_speak_other_languages(what: str, tmp_path: Path) -> None:
     lang, command, *arguments = CASES[what]
     file, page, english = (tmp_path / name for name in ("x.h5", "x.html", "en.html"))

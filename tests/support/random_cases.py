@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -11,6 +12,12 @@ import pytest
 FUZZ_COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))
 
 
+def some(values: Iterable[Any], few: int) -> list[Any]:
+    """Return values as parameters; those beyond a few are slow: `make bench` runs them."""
+    cases = list(values)
+    return cases[:few] + [pytest.param(x, marks=pytest.mark.slow) for x in cases[few:]]
+
+
 def seeds(few: int, many: int) -> list[Any]:
     """Return seeds as parameters; those beyond a few are slow: `make bench` runs them."""
-    return [pytest.param(x, marks=[] if x < few else [pytest.mark.slow]) for x in range(many)]
+    return some(range(many), few)

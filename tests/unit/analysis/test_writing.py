@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_cases import some
 
 import lagcli
 from lagcli.cli.app import run
@@ -46,7 +47,7 @@ def by_command(name: str, path: str) -> None:
     assert run([command, NAME, *options, target, path, "--quiet"]) == 0
 
 
-@pytest.mark.parametrize("name", ANALYSES)
+@pytest.mark.parametrize("name", some(ANALYSES, 3))
 def test_an_analysis_is_written_as_its_command_writes_it(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

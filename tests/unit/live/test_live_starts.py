@@ -95,7 +95,7 @@ def check(model: Model, cases: list[Case], folder: Path) -> int:
 @pytest.mark.parametrize("name", CHOSEN)
 def test_a_page_starts_where_simulate_does(name: str, tmp_path: Path) -> None:
     model = lagcli.load(name)
-    cases = random_cases(model, 20, Random(7))
+    cases = random_cases(model, 10, Random(7))
     if name == "heavy_top":
         random = Random(3)
         free = [*"XYZ", "e0'", "e1'", "e2'", "e3'"]

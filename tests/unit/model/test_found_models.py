@@ -417,8 +417,10 @@ def every_key(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("form", ["text", "latex", "markdown", "json"])
-@pytest.mark.parametrize("option", ["--steps", "--numeric"])
+@pytest.mark.parametrize(
+    ("form", "option"),
+    [("text", "--steps"), ("latex", "--numeric"), ("markdown", "--steps"), ("json", "--numeric")],
+)
 def test_every_key_is_derived(every_key: Path, form: str, option: str, capsys) -> None:
     assert run(["derive", str(every_key), "--format", form, option]) == 0
     shown = capsys.readouterr().out

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_cases import some
 from scipy.special import ellipj, ellipk
 
 import lagcli
@@ -52,9 +53,9 @@ def test_a_pendulum_agrees_with_elliptic_functions(formulation: str) -> None:
     ("start", "rtol"),
     [
         ("phi: 0.2, phi': 5", 1e-6),
-        ("phi: 0.2, phi': 5", 1e-9),
         ("phi: -2.5, phi': -17", 1e-9),
-        ("phi: 1, phi': 9", 1e-6),
+        pytest.param("phi: 0.2, phi': 5", 1e-9, marks=pytest.mark.slow),
+        pytest.param("phi: 1, phi': 9", 1e-6, marks=pytest.mark.slow),
         pytest.param("phi: -2.5, phi': -17", 1e-6, marks=pytest.mark.slow),
         pytest.param("phi: 1, phi': 9", 1e-9, marks=pytest.mark.slow),
     ],
@@ -95,7 +96,8 @@ def test_what_each_formulation_holds() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["slider_crank", "heavy_top", "andrews_squeezer", "rolling_disk", "parallelogram"]
+    "name",
+    some(["slider_crank", "rolling_disk", "parallelogram", "heavy_top", "andrews_squeezer"], 3),
 )
 def test_all_formulations_have_one_motion(name: str) -> None:
     model = load(name)

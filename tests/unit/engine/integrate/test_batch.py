@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from core_parts import batch_sincos
 from integration_requests import changed
+from shipped import every_model
 from singular_motions import losing_rank, stated_time
 
 import lagcli
@@ -172,9 +173,9 @@ def test_a_tape_over_samples_has_the_parameters_of_each_run():
 # runs
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_equals_single_runs_on_every_shipped_model(path, core_statuses):
-    model = lagcli.load(path)
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_equals_single_runs_on_every_shipped_model(name, core_statuses):
+    model = lagcli.load(name)
     end = 0.1 * model.settings.t_end
     runs = Runs(model, t_end=end, samples=21, rtol=1e-11, atol=1e-12)
     [(found, run)] = runs()

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracle import motion
+from shipped import every_model
 
 import lagcli
 from lagcli.engine.integrate import run as single_runs
@@ -28,9 +29,9 @@ initial: {x: 1, y: 0, x': 0, y': 0}
 """)
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_every_shipped_model_moves_as_by_the_oracle(path):
-    model = lagcli.load(path)
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_every_shipped_model_moves_as_by_the_oracle(name):
+    model = lagcli.load(name)
     # a tenth of the model's own time: what differs is the error of the tolerance, not its growth
     options = {"t_end": 0.1 * model.settings.t_end, "samples": 21}
     run = lagcli.simulate(model, rtol=1e-11, atol=1e-12, **options)
@@ -83,12 +84,12 @@ def only_densely(monkeypatch):
         monkeypatch.setattr(module, "order_at", none)
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_ways_to_eliminate_agree(path, monkeypatch):
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_ways_to_eliminate_agree(name, monkeypatch):
     """Unrolled into the tape, in a loop on the same order, and densely."""
     from lagcli.engine.integrate import prepared
 
-    model = lagcli.load(path)
+    model = lagcli.load(name)
     options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
     monkeypatch.setattr(prepared, "SHORT", math.inf)
     runs = [lagcli.simulate(model, **options)]

@@ -10,6 +10,7 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from random_cases import seeds
 from shipped import PATHS, REPRESENTATIVES
 
 import lagcli
@@ -103,7 +104,7 @@ def second_rate(function: Function, state: list[float], a: float) -> float:
         return float(mpmath.diff(path, 0, 2))
 
 
-@pytest.mark.parametrize("seed", range(120))
+@pytest.mark.parametrize("seed", seeds(30, 120))
 def test_random_constraints_against_differences_of_many_digits(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -161,6 +161,7 @@ def test_no_abbreviation_is_used_once(name: str) -> None:
         assert float(short.xreplace(values)) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_whipple_bicycle_is_readable() -> None:
     began = time.process_time()
     equations = derive(load(WHIPPLE))
