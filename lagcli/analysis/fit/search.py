@@ -12,6 +12,7 @@ doi:10.1137/S1064827595289108.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -25,6 +26,8 @@ from lagcli.engine.constraints.initial import ConsistentState
 #: Relative changes of the cost, of the quantities and of the gradient at which a search ends: for
 #: 10⁴ measured values, a change of chi-square by 1e-4, a hundredth of a standard error.
 _TOLERANCE = 1e-8
+#: The time in the message of a run that ended early, with what is known of its accuracy.
+_TIME = re.compile(r" t = [-+.\de]+( s| min| h)?( \(to within[^)]*\))?")
 #: Number of cached evaluations.
 _KEPT = 2
 #: Largest number of runs of one search.
@@ -73,7 +76,9 @@ class Problem:
     runs : int
         Evaluations of all experiments so far.
     failures : Counter of str
-        Number of failed evaluations by reason.
+        Number of failed evaluations by reason, without the times at which runs ended.
+    failure : str
+        The reason of the last one.
     """
 
     def __init__(self, experiments: Sequence[Experiment], low: Array, high: Array, scales: Array):
@@ -81,6 +86,7 @@ class Problem:
         self.scales = scales
         self.runs = 0
         self.failures: Counter[str] = Counter()
+        self.failure = ""
         self._known: dict[tuple[bytes, ...], Evaluation | None] = {}
 
     @property
@@ -116,7 +122,8 @@ class Problem:
                 for experiment, state in zip(self.experiments, states, strict=True)
             ]
         except FailedRun as failure:
-            self.failures[str(failure)] += 1
+            self.failures[_TIME.sub(" t = …", str(failure))] += 1
+            self.failure = str(failure)
             return None
         return Evaluation(
             np.concatenate([x.residuals for x in parts]),
@@ -174,10 +181,8 @@ class Problem:
         start = np.where(free, start / self.scales * self.scales, start)
         first = self.evaluate(start, near)
         if first is None:
-            reason = next(reversed(self.failures), "")
-            return SearchResult(
-                start, start, np.nan, None, False, f"the first run failed: {reason}"
-            )
+            reason = f"the first run failed: {self.failure}"
+            return SearchResult(start, start, np.nan, None, False, reason)
         if not free.any():
             cost = 0.5 * float(first.residuals @ first.residuals)
             return SearchResult(start, start, cost, first, True, "")

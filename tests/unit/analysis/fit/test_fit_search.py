@@ -55,6 +55,22 @@ def test_failed_runs_shorten_the_step_and_are_counted() -> None:
     assert "too steep" in failing.message
 
 
+def test_runs_that_end_at_different_times_for_one_reason_are_counted_together() -> None:
+    class Ending(Line):
+        def __call__(self, values, near=None):
+            at = f"singular at t = {2 + values[0]:.6g} s"
+            note = " (to within 2e-08 s, extrapolated from t = 0.0001 s)" if values[0] > 1 else ""
+            raise FailedRun(f"{at}{note}: the constraint has no gradient there")
+
+    ending = problem(Ending())
+    for x in (0.0, 1.0, 2.0):
+        assert ending.evaluate(np.array([x, 0.0])) is None
+    assert dict(ending.failures) == {"singular at t = …: the constraint has no gradient there": 3}
+    # a search that cannot begin says when
+    said = ending.search(np.array([3.0, 0.0])).message
+    assert "t = 5 s" in said
+
+
 def test_starts_lie_between_the_bounds_or_near_the_first() -> None:
     first = np.array([4.0, 1.0])
     found = problem(Line(), low=0.0).starts(first, 9)
