@@ -17,7 +17,6 @@ from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:
     from lagcli.engine.event_entries import EventEntries
-    from lagcli.engine.integrate.kept import KeptCore
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
 
@@ -73,9 +72,6 @@ class IntegrationRequest(NamedTuple):
     on_parameters : callable, optional
         Called with the values of all parameters when an event sets some, after the previous samples
         were emitted.
-    kept : KeptCore, optional
-        The core of the last of several runs one after the other; the next one uses it, if it is
-        suitable. Samples are valid only until the next run.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
         restarts, and a sample at such a time is taken after it. The knots of the System's functions
@@ -92,7 +88,6 @@ class IntegrationRequest(NamedTuple):
     elimination: Elimination | None = None
     prepared: Prepared | None = None
     on_parameters: Callable[[tuple[float, ...]], None] | None = None
-    kept: KeptCore | None = None
     breaks: Array = np.empty(0)
 
     @property

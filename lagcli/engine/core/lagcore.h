@@ -440,10 +440,6 @@ size_t lag_state_size(const lag_run *run);
 void lag_save(const lag_run *run, void *to);
 int lag_restore(lag_run *run, const void *from);
 
-/* Give a run that has not started, or is restored to that, the parameters, the state and the scales of another problem
- * that has all else in common with its own. */
-void lag_begin_again(lag_run *run, const lag_problem *problem);
-
 /* The fingerprint of the sources that the library was compiled from, as hexadecimal digits. */
 const char *lag_fingerprint(void);
 

@@ -86,7 +86,6 @@ core = Functions(
         "lag_state_size": (c_size_t, c_void_p),
         "lag_save": (None, c_void_p, c_void_p),
         "lag_restore": (c_int, c_void_p, c_void_p),
-        "lag_begin_again": (None, c_void_p, c_void_p),
     }
 )
 
@@ -348,22 +347,6 @@ class Integrator:
         """Go back to a state of this run; ValueError if the equations were replaced since."""
         if core.lag_restore(self._run, saved):
             raise ValueError("the run has changed otherwise since it was saved")
-
-    def begin_again(self, saved: bytes, problem: dict[str, Any]) -> None:
-        """Go back to a state before the start, with another problem.
-
-        Parameters
-        ----------
-        saved : bytes
-            From `save`; ValueError if the equations were replaced since.
-        problem : dict
-            That of the run with other ``parameters``, ``y``, ``sizes`` and lengths.
-        """
-        self.restore(saved)
-        self.orders = []
-        given = Arguments()
-        record = given.filled(lag_problem, **self._complete(problem))
-        core.lag_begin_again(self._run, byref(record))
 
     @property
     def report(self) -> lag_report:

@@ -238,19 +238,6 @@ int lag_restore(lag_run *run, const void *from)
     return 0;
 }
 
-void lag_begin_again(lag_run *run, const lag_problem *given)
-{
-    const lag_kinks *kinks = &run->switching.kinks;
-    const int nq = run->system.nq, nc = run->system.nc;
-    memcpy(run->parameters, given->parameters, (size_t)run->np * sizeof(double));
-    memcpy(kinks->branch, run->parameters + kinks->first, (size_t)kinks->count * sizeof(double));
-    memcpy(run->step.y, given->y, (size_t)lag_size(&run->system) * sizeof(double));
-    memcpy(run->rows.sizes, given->sizes, (size_t)nq * sizeof(double));
-    memcpy(run->rows.lengths, given->lengths, (size_t)nc * sizeof(double));
-    memcpy(run->rows.plain_lengths, given->plain_lengths, (size_t)nc * sizeof(double));
-    lag_renew_tapes(run);
-}
-
 /* Replace the dynamics, and everything derived from them. */
 static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_solution by)
 {

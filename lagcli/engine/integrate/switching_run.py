@@ -144,10 +144,8 @@ class SwitchingIntegration(Integration):
         #: change.
         self.engaging: tuple[int, float] | None = None
         self.core: SwitchingIntegrator
-        self.reused = False  # the core of the last run
         self.last = math.inf  # the time of the last sample that the run keeps
         super().__init__(split.fixed, request, sink, progress)
-        self.keep()
         self.log = EventEntries(self.core.entry_counts)
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
@@ -189,38 +187,15 @@ class SwitchingIntegration(Integration):
 
     def integrator(self, prepared: Prepared) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
-        problem, kept = self.problem(), self.request.kept
         self.clocks = self.ticks()
-        self.made_of = problem, self.clocks
-        if kept is not None and prepared is self.common.prepared and self.may_keep:
-            core = kept.take(prepared, problem, self.clocks)
-            if core is not None:
-                self.reused = True
-                return core
         return SwitchingIntegrator(
             self.split_system,
             self.model(prepared),
-            problem,
+            self.problem(),
             breaks_of(self.system, self.request),
             clocks=self.clocks,
             log_rows=_LOG_ROWS,
         )
-
-    @property
-    def may_keep(self) -> bool:
-        """Whether the core may be that of another run of the System: its method, and times at
-        which steps end, are not among what is compared."""
-        return self.settings.method in ("auto", _ACTING) and not len(
-            breaks_of(self.system, self.request)
-        )
-
-    def keep(self) -> None:
-        """Keep a new core for the next run."""
-        kept = self.request.kept
-        if kept is None or self.reused or self.in_use is not self.common.prepared:
-            return
-        if self.may_keep:
-            kept.keep(self.core, self.in_use, *self.made_of)
 
     def start_changes(self) -> Array | None:
         """Return the derivatives of q and v at the start, (n, 2 nq), if there are any."""

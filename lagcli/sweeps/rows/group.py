@@ -13,7 +13,6 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate.engine import integrate, switches
-from lagcli.engine.integrate.kept import KeptCore
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.switching.free_starts import FreeStarts
 from lagcli.engine.system import State, System
@@ -108,7 +107,6 @@ class RowGroup:
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
         self._request: IntegrationRequest | Literal[False] | None = None  # not prepared yet
-        self._kept = KeptCore()
         self._extra = kept_signals(variants.equations) if kept else {}
         self._layout = SampleLayout(Counts(len(model.coordinates), len(model.constraints)))
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
@@ -341,7 +339,6 @@ class RowGroup:
         rows = [np.empty((0, self._layout.size))]
         changes: list[tuple[int, tuple[float, ...]]] = []
         request = request._replace(
-            kept=self._kept,
             times=self.grid.all,
             on_parameters=lambda p: changes.append((sum(map(len, rows)), p)),
         )

@@ -1,4 +1,4 @@
-"""Rows of models that switch: each equal to its single run, although they share a core."""
+"""Rows of models that switch: each equal to its single run."""
 
 from __future__ import annotations
 
@@ -9,36 +9,18 @@ import pytest
 from rows_alone import check_equal_alone
 
 import lagcli
-from lagcli.engine.integrate.kept import KeptCore
 
 ROOT = Path(__file__).parents[4]
 CONTACT = ROOT / "models" / "contact"
 
 
-@pytest.fixture
-def uses(monkeypatch):
-    """Whether each row used the core of the last one."""
-    found = []
-    original = KeptCore.take
-
-    def taken(self, *arguments):
-        core = original(self, *arguments)
-        found.append(core is not None)
-        return core
-
-    monkeypatch.setattr(KeptCore, "take", taken)
-    return found
-
-
-def test_a_ball_bounces_as_it_does_alone(uses):
+def test_a_ball_bounces_as_it_does_alone():
     """Impacts after √(2 h/g) and then after 2 e^k √(2 h/g), to the end of the run."""
     random = np.random.default_rng(3)
     table = random.uniform([0.5, 0.4, 1.0], [0.9, 2.0, 3.0], (8, 3))
     model = lagcli.load(CONTACT / "bouncing_ball.yaml")
     ends, runs = check_equal_alone(model, ["e", "h", "m"], table, t_end=1.5, rtol=1e-10)
     assert ends == ["completed"] * 8
-    # the single run of the model's own values, for the request, has none
-    assert uses == [False] + 7 * [True]
     for (e, h, _), run in zip(table, runs, strict=True):
         fall = np.sqrt(2 * h / 9.81)
         times = fall * (1 + 2 * np.cumsum(e ** np.arange(1, 4)))
@@ -77,18 +59,16 @@ def test_what_cannot_start_is_refused_as_it_is_alone():
         ("tests/found/press.yaml", ["m5"]),
     ],
 )
-def test_rows_that_share_a_core_are_single_runs(path, columns, uses):
+def test_rows_that_switch_are_single_runs(path, columns):
     model = lagcli.load(ROOT / path)
     own = np.array([model.parameters[name].value for name in columns])
     table = own * np.array([[1.0], [0.93], [1.08]])
     end = min(1.0, model.settings.t_end)
     ends, _ = check_equal_alone(model, columns, table, t_end=end)
     assert "no start" not in ends
-    assert any(uses)
 
 
-def test_clocks_with_another_period_have_a_core_of_their_own(uses):
+def test_clocks_with_other_periods_are_those_of_single_runs():
     model = lagcli.load(CONTACT / "sampled_pendulum.yaml")
     ends, _ = check_equal_alone(model, ["T_s"], [[0.02], [0.03], [0.03], [0.02]], t_end=0.2)
     assert ends == ["completed"] * 4
-    assert uses == [False, False, True, False]
