@@ -1,4 +1,4 @@
-"""Types of NumPy arrays, by content."""
+"""Types of NumPy arrays, by content, and the rank of any matrix."""
 
 from typing import Any
 
@@ -16,3 +16,8 @@ Numbers = np.ndarray[_Shape, np.dtype[np.int64]]
 Int32 = np.ndarray[_Shape, np.dtype[np.int32]]
 #: Colours of pixels.
 Image = np.ndarray[_Shape, np.dtype[np.uint8]]
+
+
+def rank_of(matrix: Array) -> int:
+    """Return the rank of a matrix, 0 of an empty one, for which NumPy before 2.4 has none."""
+    return int(np.linalg.matrix_rank(matrix)) if matrix.size else 0

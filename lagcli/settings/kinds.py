@@ -107,6 +107,8 @@ class RealNumber(Setting[T]):
         """
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             return value
+        if getattr(value, "ndim", 0):  # an array of one number, which NumPy before 2.4 converts
+            return value
         try:
             number = float(value)
         except OverflowError:

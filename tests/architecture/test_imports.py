@@ -73,6 +73,7 @@ OF_COMMAND_LINE = {"typer", "shellingham", "annotated_doc"}
 
 #: What `lagcli simulate` may import from outside the standard library.
 OF_SIMULATE = {"numpy", "symengine", "yaml", *OF_COMMAND_LINE}
+OF_SIMULATE |= {"backports_abc"}  # for which modules by early versions of Cython look
 
 #: What a plain run has no use for: what only errors, inputs, contacts, vectors or other units need.
 NOT_OF_PLAIN_RUNS = {

@@ -162,7 +162,7 @@ def test_another_host_is_rejected(program: Program, host: str) -> None:
 
 
 def test_what_is_no_request_is_told_so_and_reported_nowhere_else(program: Program) -> None:
-    assert asked(program, Host="")[0] == 400
+    assert asked(program, Host="")[0] in (400, 403)  # refused by aiohttp, or by us
     with socket.create_connection(("127.0.0.1", program.port), timeout=PATIENCE) as other:
         other.sendall(b"nonsense\r\n\r\n")
         assert b" 400 " in other.recv(1000)

@@ -15,7 +15,7 @@ from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady_terms import Given
 from lagcli.analysis.output.files import stored_model
-from lagcli.arrays import Array
+from lagcli.arrays import Array, rank_of
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
 from lagcli.engine.system import State
@@ -143,7 +143,7 @@ class StoredModes:
         constraints = local.system.constraints
         _check_names(path, "multipliers", held["multipliers"], constraints)
         rows = local.evaluator(local.p).constraints(held["time"], q, v).jacobian
-        point = local.moving(State(held["time"], q, v, local.p), int(np.linalg.matrix_rank(rows)))
+        point = local.moving(State(held["time"], q, v, local.p), rank_of(rows))
         multipliers = np.array([held["multipliers"][name] for name in constraints])
         self._local, self._point = local, point._replace(multipliers=multipliers)
         self._name = held["name"]

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, Indices
+from lagcli.arrays import Array, Flags, Indices, rank_of
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.dense import decompose
@@ -539,9 +539,9 @@ def _held(jacobian: Array, fixed: Flags) -> Flags:
     held = np.zeros(len(fixed), bool)
     for i in np.flatnonzero(fixed & (jacobian != 0.0).any(axis=0)):
         free = ~fixed
-        without = np.linalg.matrix_rank(jacobian[:, free])
+        without = rank_of(jacobian[:, free])
         free[i] = True
-        held[i] = np.linalg.matrix_rank(jacobian[:, free]) > without
+        held[i] = rank_of(jacobian[:, free]) > without
     return held
 
 
