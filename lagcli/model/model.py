@@ -652,6 +652,14 @@ class Model:
         """Parameter values in SI, by name: a copy. `load` with ``set`` changes them."""
         return {name: p.value for name, p in self.parameters.items()}
 
+    @property
+    def declared_values(self) -> dict[str, float]:
+        """Values in SI of the parameters that the model file declares, by name.
+
+        Without the weights of constraints that coordinates without mass need while they hold.
+        """
+        return {n: x for n, x in self.parameter_values.items() if not n.endswith(WEIGHT)}
+
 
 def check_is_model(value: object, function: str) -> None:
     """Raise UsageError if the argument of a function of the package is not a Model."""

@@ -130,12 +130,13 @@ def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
 
 
 def independent_parameters(model: Model) -> list[str]:
-    """Return the parameters whose values do not depend on others, and that are not structural."""
-    resolver = _Resolver(model, ())
+    """Return the declared, not structural parameters whose values do not depend on others."""
+    resolver, declared = _Resolver(model, ()), model.declared_values
     return [
         name
         for name, parameter in model.parameters.items()
-        if not parameter.structural
+        if name in declared
+        and not parameter.structural
         and (parameter.written is None or not resolver.built(parameter.written).free_symbols)
     ]
 

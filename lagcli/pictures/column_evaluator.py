@@ -66,10 +66,10 @@ class ColumnEvaluator:
         terms : Terms
             Terms of ``constraint_force_by``.
         parameters : mapping of str to float
-            Parameter values in SI.
+            Values of the parameters that the model file declares, in SI.
         """
         count = len(columns["time"])
-        given = [float(parameters[name]) for name in self._model.parameters]
+        given = [float(x) for x in {**self._model.parameter_values, **parameters}.values()]
         values = np.empty((len(self._constant), count))
         rows = max(1, _HELD // max(1, self._registers))
         for start in range(0, count, rows):

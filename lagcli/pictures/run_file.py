@@ -243,7 +243,7 @@ def with_expressions(model: Model) -> tuple[Model, dict[str, str]]:
     from lagcli.model.loader import load_text
     from lagcli.model.values import dependent_values, independent_parameters
 
-    known = model.parameter_values
+    known = model.declared_values
     sizes = {name: f"{known[name]!r}*1" for name in model.structural_parameters}
     written = load_text(model.text, model.path, sizes, data=model.data)
     own = independent_parameters(written)

@@ -56,7 +56,7 @@ def settable_parameters(model: Model) -> list[str]:
     clocks = [event.clock for event in model.events if event.clock is not None]
     timed = {x.name for clock in clocks for x in (clock.period + clock.offset).free_symbols}
     timed |= {x.name for name in timed & dependent.keys() for x in dependent[name].free_symbols}
-    return [name for name in names if name not in timed and not name.endswith(WEIGHT)]
+    return [name for name in names if name not in timed]
 
 
 def _check_engagements(model: Model) -> None:

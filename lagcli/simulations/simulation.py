@@ -387,7 +387,7 @@ class Simulation:
             status=run.status,
             message=run.message,
             model=self.model.text,
-            parameters=self.model.parameter_values,
+            parameters=self.model.declared_values,
             options=options,
             counts=run.counts,
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.cli.app import run
 from lagcli.trajectory.trajectory import Trajectory
 
 #: A mass that falls from 1 m, and what can be engaged.
@@ -101,6 +102,18 @@ def test_massless_point_whose_constraint_events_change(name: str) -> None:
     assert np.abs(run.q - np.stack([0 * x, x], 1)).max() < 1e-8
     assert np.abs(np.nansum(run.multipliers, axis=1) + 10 * x).max() < 1e-7
     assert np.abs(run.energy_balance).max() < 1e-7
+
+
+def test_results_have_the_parameters_of_the_file_alone(tmp_path: Path) -> None:
+    """The weights of its constraints cannot be set, and are not written."""
+    model = lagcli.load(FOUND / "swap_massless.yaml")
+    results = [tmp_path / "run.h5", tmp_path / "sweep.h5"]
+    run(["simulate", model.path, "-o", str(results[0]), "-q"])
+    run(["sweep", model.path, "--vary", "k=9,10", "-o", str(results[1]), "-q"])
+    assert list(lagcli.open(results[0]).parameters) == ["m", "k"]
+    for path in results:
+        assert run(["report", str(path), "-o", str(path.with_suffix(".html")), "-q"]) == 0
+        assert "held.weight" not in path.with_suffix(".html").read_text(encoding="utf-8")
 
 
 def test_massless_pulley_with_a_stop() -> None:

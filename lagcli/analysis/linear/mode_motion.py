@@ -250,7 +250,7 @@ def _motion(
         units={c.name: c.unit for c in model.coordinates if c.unit},
         message=f"mode {number} ({mode.kind}) about {place}, amplitude {amplitude:.6g}",
         model=model.text,
-        parameters=model.parameter_values,
+        parameters=model.declared_values,
         options={"mode": number, "amplitude": float(amplitude)},
         lagcli_version=__version__,
         display=result_display(model),

@@ -51,7 +51,7 @@ def facts_of(model: Model) -> dict[str, Any]:
         "model_sha256": model.sha256,
         "model_path": model.path,
         "units": result_units(model),
-        "parameters": model.parameter_values,
+        "parameters": model.declared_values,
         "set": {name: str(value) for name, value in model.set.items()},
         "set_initial": {name: str(value) for name, value in model.set_initial.items()},
     }

@@ -164,7 +164,7 @@ class _JsonWriter:
                 }
                 for c in model.coordinates
             ],
-            "parameters": model.parameter_values,
+            "parameters": model.declared_values,
             "inputs": [
                 {
                     "name": x.name,

@@ -86,13 +86,13 @@ def analysis_page(path: str, kind: str, title: str | None, lang: str) -> str:
 
         model = sweep_model(path)
         sections = sweep_sections(path, names_of(model))
-        return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
+        return _assembled(model, model.declared_values, sections, path, kind, title, lang)
     from lagcli.analysis.output.files import stored_model
     from lagcli.results.hdf5.analysis_file import read_analysis
 
     content, model = read_analysis(path), stored_model(path)
     sections = _sections(content, model)
-    return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
+    return _assembled(model, model.declared_values, sections, path, kind, title, lang)
 
 
 def _assembled(

@@ -206,7 +206,7 @@ def _balance(
     most = max(100, min(_FRAMES, _FRAME_NUMBERS // (count + 1)))
     samples = np.union1d(evenly(run.count, most), instants)
     columns = run.columns(balance.needs, samples)
-    values, units = model.parameter_values, run.record.units
+    values, units = model.declared_values, run.record.units
     return {
         "time": packed.add(columns["time"]),
         "equations": balance.to_json(columns, run.terms, values, units, packed.add),

@@ -121,7 +121,7 @@ class _SweepWriter:
             "model": spec.text,
             "model_sha256": model.sha256,
             "model_path": spec.path,
-            "parameters": model.parameter_values,
+            "parameters": model.declared_values,
             "units": result_units(model),
             "display": {
                 **result_display(model),
