@@ -469,6 +469,13 @@ def test_plain_runs_start_with_little(
     assert not (NOT_OF_PLAIN_RUNS | without) & modules
 
 
+def test_the_way_to_a_singular_configuration_needs_no_more() -> None:
+    """SciPy's minimization and interpolation would take longer than the run."""
+    model = str(ROOT / "models" / "parallelogram.yaml")
+    found = loaded("simulate", model, "--set-initial", "alpha_1'=6", status=3)
+    assert found <= OF_SIMULATE
+
+
 def test_reports_need_no_extra(tmp_path: Path) -> None:
     run, page = str(tmp_path / "run.h5"), str(tmp_path / "report.html")
     loaded("simulate", str(ROOT / "models" / "slider_crank.yaml"), "--t-end", "0.1", "-o", run)

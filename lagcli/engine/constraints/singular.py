@@ -3,9 +3,6 @@
 The rank of B is determined from the singular values of its scaled rows. The value that vanishes at
 a singular configuration is monitored inside each step and along the extrapolated path.
 
-SciPy's interpolation and minimization, which are slow to import, are imported when a path is
-examined, only near a singular configuration.
-
 A passage is on the branch that conserves momentum. In the configuration itself, the constraints do
 not determine the accelerations, and nearby the accelerations have large rounding errors, although
 the motion is smooth. Therefore a, λ and the power are interpolated between states on both sides:
@@ -25,6 +22,7 @@ from numpy.polynomial.polynomial import polyint, polyval, polyvander
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.constraints.minimum import minimum
 from lagcli.engine.constraints.projection import Projection
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Constraints
@@ -267,17 +265,15 @@ class RankWatch:
 
     def _nearest(self, path: Path, before: _Point, now: _Point, after: _Point) -> _Point:
         """Return the weakest state of a path between two points, near a weak one."""
-        from scipy.optimize import minimize_scalar
-
-        # from the time found so far: SciPy's tolerance is relative to the unknown
+        # from the time found so far: the tolerance is also relative to the unknown
         since = now.t
-        found = minimize_scalar(
+        place, value = minimum(
             lambda x: self.weakest(since + x, path(since + x)),
-            bounds=(before.t - since, after.t - since),
-            method="bounded",
-            options={"xatol": _resolution(before.t, after.t)},
+            before.t - since,
+            after.t - since,
+            _resolution(before.t, after.t),
         )
-        return self._at(path, since + float(found.x)) if found.fun < now.weakest else now
+        return self._at(path, since + place) if value < now.weakest else now
 
     def _singular(
         self, path: Path, low: float, high: float, at: _Point, other: Path | None
@@ -370,17 +366,14 @@ class RankWatch:
 
         Higher polynomials would amplify the rounding errors of a.
         """
-        from scipy.interpolate import KroghInterpolator
-
         rows: list[Array] = []
         for node in nodes:
             rows += [*self.motion.split(node.y), self._accelerations[node.t]]
         times = [node.t for node in nodes for _ in range(3)]
         # of Newton's form: Σ c_k Π (t − t_j), j < k, and a last one of zero
-        coefficients = KroghInterpolator(times, rows).c
+        coefficients = [*_divided_differences(times, rows), np.zeros_like(rows[0])]
 
         def path(t: float) -> tuple[Array, Array]:
-            # `KroghInterpolator.derivatives` computes all of them, which takes eight times as long
             product = slope = 1.0
             q, v = coefficients[:2]
             for k in range(1, len(times)):
@@ -526,6 +519,30 @@ class RankWatch:
         u, _, _ = np.linalg.svd(scaled)
         parts = np.abs(u[:, rank:]).max(axis=1)
         return [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
+
+
+def _divided_differences(times: Sequence[float], rows: Sequence[Array]) -> list[Array]:
+    """Return the coefficients of the polynomial in Newton's form with given values and derivatives.
+
+    Parameters
+    ----------
+    times : (n,) sequence of float
+        Each as often as there are rows of it.
+    rows : (n,) sequence of arrays
+        Value, first and second derivative at each time.
+    """
+    first = [times.index(t) for t in times]  # the row of the value
+    column = [rows[i] for i in first]
+    found = [column[0]]
+    for k in range(1, len(rows)):
+        column = [
+            rows[first[i] + k] / math.factorial(k)
+            if times[i] == times[i + k]
+            else (column[i + 1] - column[i]) / (times[i + k] - times[i])
+            for i in range(len(rows) - k)
+        ]
+        found.append(column[0])
+    return found
 
 
 def _resolution(low: float, high: float) -> float:

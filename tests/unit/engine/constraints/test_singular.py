@@ -19,6 +19,7 @@ from lagcli.engine.constraints.singular import (
     RankWatch,
     SingularTime,
     _distance,
+    _divided_differences,
     _resolution,
 )
 from lagcli.engine.contract import Stop
@@ -638,3 +639,19 @@ def test_states_without_accelerations_end_it() -> None:
 
     with pytest.raises(Stop, match=f"at t = {SINGULAR:.9g} s; try a smaller --rtol"):
         Crossing(found, lost, BEFORE, SINGULAR, guess)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_polynomials_have_values_and_two_derivatives(count: int) -> None:
+    """Polynomials of degree 3 n − 1 are known by their values and derivatives at n times."""
+    random = np.random.default_rng(count)
+    times = (np.linspace(-1, 1, count) + random.uniform(-0.2, 0.2, count)).tolist()
+    given = [np.polynomial.Polynomial(random.normal(size=3 * count)) for _ in range(2)]
+    rows = [np.array([p.deriv(k)(t) for p in given]) for t in times for k in range(3)]
+    nodes = [t for t in times for _ in range(3)]
+    found = _divided_differences(nodes, rows)
+    at = random.uniform(-2, 2, 20)
+    products = [np.prod([at - t for t in nodes[:k]], axis=0) for k in range(3 * count)]
+    for i, p in enumerate(given):
+        values = sum(c[i] * product for c, product in zip(found, products, strict=True))
+        np.testing.assert_allclose(values, p(at), rtol=1e-9, atol=1e-9)
