@@ -106,6 +106,7 @@ def test_verdicts_say_what_is_missed() -> None:
     assert faster({"pendulum": [rough, slow]}, cases, "CasADi", 4, "").met is False
 
 
+@pytest.mark.slow
 def test_a_small_comparison_from_measurement_to_page() -> None:
     case = CASES["pendulum"]
     exact = reference(case)
@@ -192,6 +193,7 @@ def test_dop853_in_c_follows_the_motion() -> None:
     assert errors[2] < 1e-9
 
 
+@pytest.mark.slow
 def test_the_default_run_is_timed_apart_from_what_it_prepares() -> None:
     case = ported_cases.CASES["condenser_microphone"]
     (rtol,) = DEFAULT.settings(case)

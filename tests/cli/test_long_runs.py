@@ -71,6 +71,7 @@ def test_a_million_samples_take_little_memory(tmp_path: Path) -> None:
     assert (found["sizes"]["samples"], found["time"]["last"]) == (10**6, 10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", ["run.csv", pytest.param("-", marks=pytest.mark.slow)])
 def test_memory_does_not_grow_with_a_table(tmp_path: Path, output: str) -> None:
     path = output if output == "-" else str(tmp_path / output)
@@ -83,6 +84,7 @@ def test_memory_does_not_grow_with_a_table(tmp_path: Path, output: str) -> None:
         assert peak("info", path) < few + 60
 
 
+@pytest.mark.slow
 def test_memory_without_a_file() -> None:
     """The summary alone needs no samples at all."""
     few, many = (peak("simulate", CRANK, "--samples", n, "--quiet") for n in ("5000", "300000"))

@@ -382,6 +382,7 @@ def test_it_ends_immediately_while_a_client_waits_for_a_long_run() -> None:
     assert code == aiohttp.WSCloseCode.GOING_AWAY
 
 
+@pytest.mark.slow
 def test_a_model_from_standard_input_in_the_readers_browser(tmp_path: Path) -> None:
     browser, seen = tmp_path / "browser", tmp_path / "seen"
     browser.write_text(f"#!/bin/sh\nprintf %s \"$1\" > '{seen}'\n")

@@ -261,6 +261,7 @@ def test_an_endless_row_is_given_up_by_its_worker(two_workers: Dask) -> None:
         assert same(run(there, spec), spec)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
 def test_workers_here_and_ctrl_c(tmp_path: Path) -> None:
     """Of a terminal's Ctrl-C, which all processes get, the first one alone makes something."""

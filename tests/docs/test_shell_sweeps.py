@@ -94,6 +94,7 @@ def test_for(place: Path) -> None:
     assert float(largest["0.3"]) == pytest.approx(runs[1]["multipliers"]["guide"]["max"])
 
 
+@pytest.mark.slow
 @needs("bash", "xargs", "seq")
 def test_xargs(place: Path) -> None:
     numbers, lines = blocks("xargs", "sh")

@@ -344,7 +344,7 @@ def test_residuals_whose_squares_overflow(tmp_path: Path, originals: Originals) 
     assert f"rms x {rms:.3g} sigma" in said
 
 
-@pytest.mark.parametrize("kind", some(FILES, 4))
+@pytest.mark.parametrize("kind", some(FILES, 2))
 def test_a_few_wrong_contents(tmp_path: Path, originals: Originals, kind: str) -> None:
     try_mutants(kind, originals[kind], tmp_path, FEW)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -129,7 +130,10 @@ def test_ten_starts_find_what_scipy_finds(seed: int, tmp_path: Path) -> None:
     costs = []
     for start in problem.starts(np.array([*first.values()]), 10):
         for side in (1, -1):
-            if np.isfinite(residuals(start / size, side)).all():
+            if not np.isfinite(residuals(start / size, side)).all():
+                continue
+            # a difference of SciPy's may cross the edge beyond which the mechanism does not close
+            with contextlib.suppress(ValueError):
                 found = least_squares(
                     residuals,
                     np.clip(start / size, low / size, high / size),

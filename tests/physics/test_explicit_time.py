@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_cases import some
 
 import lagcli
 
@@ -84,7 +85,7 @@ def test_time_costs_as_much_as_a_coordinate(force: str, drive: str, method: str)
 LOADS = {"exp(-z^2)": math.sqrt(math.pi), "1/cosh(z)^2": 2.0, "exp(-z^4)": 2 * math.gamma(1.25)}
 
 
-@pytest.mark.parametrize("method", ["auto", "DOP853", "Taylor", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("method", some(["auto", "Radau", "DOP853", "Taylor", "Rodas5P"], 2))
 @pytest.mark.parametrize(("own", "speed"), [(0.0, 0.5), (0.0, -2.0), (0.3, -0.4), (-0.5, -0.6)])
 @pytest.mark.parametrize("load", LOADS)
 def test_a_short_load_that_passes_a_body(load: str, own: float, speed: float, method: str) -> None:

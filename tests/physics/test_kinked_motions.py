@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from random_cases import some
 
 import lagcli
 from lagcli.engine.integrate.run import Integration
@@ -316,7 +317,7 @@ initial: {x: {guess: 0}, x': {guess: 0}, z: 0, z': 0}
     assert s - 0.13 == pytest.approx(expected, abs=max(10 * rtol, 1e-11))
 
 
-@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("method", some(["DOP853", "Radau", "Taylor", "Rodas5P"], 2))
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 @pytest.mark.parametrize(
     ("side", "force", "above"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from programs import program
+from shipped import every_model
 
 import lagcli
 from lagcli.pictures import style
@@ -33,7 +34,7 @@ def different(first, second):
     return float((np.abs(first - second).max(axis=2) > 64).mean())
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", every_model())
 def test_stored_pictures_are_those_of_the_models(name, build, result):
     drawn = build.picture(RunFile(result(name)))
     with Image.open(GALLERY / f"{name}.png") as stored:

@@ -308,6 +308,7 @@ def test_long_runs_keep_their_peaks(tmp_path, result):
     assert "of the 200000 samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_many_short_blocks_keep_no_more_than_few_long_ones():
     """Wide systems are read in blocks of few samples, each of which keeps its own extremes."""
     count, width = 60_000, 12

@@ -130,11 +130,12 @@ PLACES = {
     "tolerance": tolerance,
 }
 
-#: Places that are read by different code; the others are read as one of these.
+#: First the places that are read by different code; the others are read as one of these.
 OF_EACH_READER = ("parameter", "--set", "--vary grid", "table of an input")
+SOME = some(sorted(PLACES, key=lambda x: x not in OF_EACH_READER), len(OF_EACH_READER))
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", SOME)
 def test_units_have_the_same_value_everywhere(place: str, tmp_path: Path) -> None:
     wrong = {}
     for unit, factor, _ in WRITTEN:
@@ -146,9 +147,7 @@ def test_units_have_the_same_value_everywhere(place: str, tmp_path: Path) -> Non
     assert not wrong
 
 
-@pytest.mark.parametrize(
-    "place", some(sorted(PLACES, key=lambda x: x not in OF_EACH_READER), len(OF_EACH_READER))
-)
+@pytest.mark.parametrize("place", SOME)
 def test_units_are_units_beside_parameters_of_their_names(
     place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,7 +159,7 @@ def test_units_are_units_beside_parameters_of_their_names(
     test_units_have_the_same_value_everywhere(place, tmp_path)
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", SOME)
 def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_path: Path) -> None:
     wrong = {}
     for unit, reason in REFUSED:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from growth import assert_growth
 from lowered import Lowered, lowered
+from random_cases import seeds
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
@@ -109,7 +110,7 @@ def compiled(text_or_path: str | Path) -> Lowered:
     return lowered(load(text_or_path))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(1, 3))
 @pytest.mark.parametrize(
     "source",
     [pytest.param(DRIVEN, id="driven"), pytest.param(FUNCTIONS, id="functions")]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from random_cases import some
 from stepped_inputs import STEPPED, as_parameter, difference
 from test_fmu import PENDULUM, unpacked
 
 import lagcli
 
 
-@pytest.mark.parametrize("kind", STEPPED)
+@pytest.mark.parametrize("kind", some(STEPPED, 4))
 def test_steps_of_an_input_are_those_of_a_table(kind: str, tmp_path: Path) -> None:
     """Contacts, friction, kinks and events answer at once; the tolerance is that of the runs."""
     model = lagcli.load_text(as_parameter(kind))

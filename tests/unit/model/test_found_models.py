@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import symengine as se
 from growth import assert_growth
+from random_cases import some
 
 from lagcli.cli.app import run
 from lagcli.engine.lowering.lower import lower
@@ -373,7 +374,7 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("name", some(LONG, 4))
 def test_reading_takes_time_in_proportion(name: str) -> None:
     # eight times as long; square growth would be sixty-four
     assert_growth(lambda n: seconds(LONG[name](n)), (400, 3200), factor=20, floor=0.05)

@@ -190,6 +190,7 @@ class Emitter:
         )
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_c_program_integrates_as_the_binding_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: list[Path]

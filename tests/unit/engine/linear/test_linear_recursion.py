@@ -120,7 +120,7 @@ def test_constraints_of_random_trees(seed, small):
     assert solved
 
 
-@pytest.mark.parametrize("n", [3, 6, 25, 60])
+@pytest.mark.parametrize("n", [3, 6, 25, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_rope_between_two_points(n, small):
     system = lower(lagrange.derive(lagcli.load_text(ROPE, set={"N": n})))
     p = {"N": n, "L": 1.0, "m": 1.0, "r": 1.0, "g": 9.81, "D": 0.6}

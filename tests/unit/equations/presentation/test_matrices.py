@@ -139,6 +139,7 @@ def test_conditions_have_no_names() -> None:
     assert [e.xreplace(values) for e in found.expressions] == given
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bennett", pytest.param("armx5", marks=pytest.mark.slow)])
 def test_no_abbreviation_is_used_once(name: str) -> None:
     equations = system(FOUND / f"{name}.yaml")
@@ -179,6 +180,7 @@ def test_whipple_bicycle_is_readable() -> None:
 LONG = ("net_rods", "stewart", "beam40", "bricard_a04", "bricard_tilted", "whipple_bicycle")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "steps"),
     [
