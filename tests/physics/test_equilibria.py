@@ -607,7 +607,9 @@ def test_multipliers_without_forces_are_zero() -> None:
     [
         ("(x - 0.9)^3", {0.9: "undecided"}),
         pytest.param("-(x - 0.9)^3", {0.9: "undecided"}, marks=pytest.mark.slow),
-        ("(x - 1)^2*(x + 2)", {1.0: "undecided", -2.0: "stable"}),
+        pytest.param(
+            "(x - 1)^2*(x + 2)", {1.0: "undecided", -2.0: "stable"}, marks=pytest.mark.slow
+        ),
         pytest.param(
             "(x + 1.4)^3*(x - 2)", {-1.4: "undecided", 2.0: "stable"}, marks=pytest.mark.slow
         ),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import symengine as se
 from scipy.interpolate import CubicSpline
+from shipped import every_model
 
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.evaluator import Evaluator
@@ -112,7 +113,7 @@ def case(name: str) -> Case:
     return Case(name)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", every_model(smooth=True))
 def test_maggi(name: str) -> None:
     c = case(name)
     if c.partition.independent:
@@ -170,7 +171,7 @@ def test_dependent_coordinates_and_velocities(name: str) -> None:
         assert np.abs(found).max() < 1e-11 * scale
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", every_model(smooth=True))
 def test_closed_forms(name: str) -> None:
     c = case(name)
     found = [solve_first_kind(c.partition), solve_accelerations(Maggi(c.partition))]

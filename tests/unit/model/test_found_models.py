@@ -420,7 +420,12 @@ def every_key(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("form", "option"),
-    [("text", "--steps"), ("latex", "--numeric"), ("markdown", "--steps"), ("json", "--numeric")],
+    [
+        ("text", "--steps"),
+        ("latex", "--numeric"),
+        pytest.param("markdown", "--steps", marks=pytest.mark.slow),
+        pytest.param("json", "--numeric", marks=pytest.mark.slow),
+    ],
 )
 def test_every_key_is_derived(every_key: Path, form: str, option: str, capsys) -> None:
     assert run(["derive", str(every_key), "--format", form, option]) == 0

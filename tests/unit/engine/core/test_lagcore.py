@@ -249,6 +249,7 @@ def test_a_c_program_integrates_as_the_binding_does(
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_core_needs_nothing_but_libm_and_functions_of_memory(objects: list[Path]) -> None:
     if shutil.which("nm") is None:

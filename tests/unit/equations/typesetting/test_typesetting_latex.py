@@ -16,7 +16,7 @@ from pylatexenc.latexwalker import (
     LatexMathNode,
     LatexWalker,
 )
-from shipped import PATHS, every_model
+from shipped import PATHS, WRITTEN, every_model
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.render import render
@@ -84,7 +84,7 @@ def display_rows(latex: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", every_model())
+@pytest.mark.parametrize("name", every_model(few=WRITTEN))
 def test_shipped_models(name):
     path = PATHS[name]
     model = equations_of(path).model

@@ -9,7 +9,7 @@ from fractions import Fraction
 import pytest
 from formula_values import MODELS, equations_of, model_of, pages_of, steps_of
 from random_cases import some
-from shipped import PATHS, every_model
+from shipped import PATHS, WRITTEN, every_model
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.written import scope_of, written
@@ -130,7 +130,7 @@ def test_brackets_alternate():
 
 
 @pytest.mark.parametrize("numeric", some([False, True], 1), ids=["symbols", "numbers"])
-@pytest.mark.parametrize("name", every_model())
+@pytest.mark.parametrize("name", every_model(few=WRITTEN))
 def test_lines_fit(name, numeric):
     path = PATHS[name]
     model = equations_of(path).model
@@ -278,7 +278,7 @@ def assert_whole_factors(text: str, width: int) -> None:
         assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
 
 
-@pytest.mark.parametrize("name", every_model())
+@pytest.mark.parametrize("name", every_model(few=WRITTEN))
 def test_factors_that_fit_on_a_line_are_not_broken(name):
     path = PATHS[name]
     model = equations_of(path).model
@@ -292,7 +292,7 @@ def test_factors_that_fit_on_a_line_are_not_broken(name):
 @pytest.mark.parametrize(
     "widths", [(60, 100), pytest.param((70, 80, 90, 110, 120, 130, 140), marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("name", every_model())
+@pytest.mark.parametrize("name", every_model(few=WRITTEN))
 def test_every_page_at_every_width(name, widths):
     """Both kinds, Maggi's equations, closed forms and the derivation, at 60 to 140 columns."""
     path = PATHS[name]
