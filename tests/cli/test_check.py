@@ -152,12 +152,16 @@ def test_families_are_written_with_an_index(lagcli):
     assert "rod[3]" not in out
 
 
-@pytest.mark.parametrize(("name", "found"), [("press", []), ("sarrus", ["energy"])])
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [("press", []), pytest.param("sarrus", ["energy"], marks=pytest.mark.slow)],
+)
 def test_momenta_that_vanish_on_the_constraints_are_not_conserved_quantities(lagcli, name, found):
     out = json.loads(lagcli("check", FOUND / f"{name}.yaml", "--json")[1])
     assert [q["name"] for q in out["conserved"]["quantities"]] == found
 
 
+@pytest.mark.slow
 def test_four_coordinates_are_searched_for_all_symmetries(lagcli):
     out = json.loads(lagcli("check", FOUND / "bennett.yaml", "--json")[1])
     assert out["conserved"]["searched"] == "linear"

@@ -244,6 +244,7 @@ def test_what_is_no_scheduler(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_endless_row_is_given_up_by_its_worker(two_workers: Dask) -> None:
     class Enough(Exception):
         pass

@@ -80,6 +80,7 @@ def test_motion_of_a_pendulum_of_links(n, always, monkeypatch):
     np.testing.assert_allclose(run.v, expected[n:].T, rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_energy_of_many_links(monkeypatch):
     used = in_use(monkeypatch)
     monkeypatch.setattr(single_runs, "PROGRAM_STEPS", 20)

@@ -219,6 +219,7 @@ def compressions(matrix: Array, before: Array, mu: float) -> list[Array]:
     return found
 
 
+@pytest.mark.slow
 def test_impacts_with_more_than_one_motion() -> None:
     """Random bodies in general position; counted by trial of all modes."""
     counted = {1: 0, 2: 0}

@@ -278,6 +278,7 @@ def test_a_single_sample(tmp_path: Path) -> None:
     plot(tmp_path, str(tmp_path / "one.h5"))
 
 
+@pytest.mark.slow
 def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> None:
     from matplotlib.image import imread
 

@@ -257,6 +257,7 @@ def test_a_model_without_a_view_is_shown_by_its_plots(tmp_path, result):
     assert '<aside id="motion"' not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_large_system_is_abridged_and_marked(tmp_path):
     model = lagcli.load(MODELS / "chain.yaml", set={"N": 120})
     report(lagcli.simulate(model, t_end=0.02, samples=5), tmp_path / "report.html")
@@ -278,6 +279,7 @@ def test_a_large_system_is_abridged_and_marked(tmp_path):
     assert (tmp_path / "report.html").stat().st_size < MB
 
 
+@pytest.mark.slow
 def test_long_runs_keep_their_peaks(tmp_path, result):
     """Needles one sample wide in a run of 200 000 samples are there, exactly."""
     whole = lagcli.read(result("pendulum_cartesian"))

@@ -11,8 +11,8 @@ from lagcli.trajectory.trajectory import Trajectory
 
 T_END, SAMPLES = 0.5, 6
 #: In the normal suite: chains and loops, along the frame's axes and not.
-FEW = range(6)
-MANY = range(6, 200)
+FEW = range(4)
+MANY = range(4, 200)
 
 
 def run(mechanism: Mechanism, **options: object) -> Trajectory:
