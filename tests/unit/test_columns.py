@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields
+from inspect import getdoc
 from pathlib import Path
 
 import pytest
@@ -136,7 +137,8 @@ def test_files_have_the_columns_that_the_documentation_names() -> None:
 def test_declarations_are_complete() -> None:
     stored = [q.name for q in SAMPLED if q.name != "constraint_force"]
     assert stored == [f.name for f in fields(Columns)]
-    documented = re.findall(r"^    (\w[\w, ]*) : \(", Columns.__doc__ or "", re.MULTILINE)
+    # Python 3.13 removes the indentation of docstrings
+    documented = re.findall(r"^(\w[\w, ]*) : \(", getdoc(Columns) or "", re.MULTILINE)
     assert ", ".join(documented).split(", ") == stored
     assert len({q.name for q in QUANTITIES}) == len(QUANTITIES)
     assert {q.name for panel in PANELS.values() for q in panel} == {q.name for q in SAMPLED[1:]}
