@@ -32,6 +32,8 @@ _ITERATIONS = 200
 #: Number of steps of least M-weighted length after which plain steps are taken: where a light part
 #: could close a gap, they move it far.
 _WEIGHTED = 30
+#: Residuals below the normal numbers are rounding errors, of any relative size.
+_LEAST = float(np.finfo(float).tiny)
 #: Part of a row of B below which free velocities do not satisfy it: a double root of φ is known to
 #: about 1e-8 only.
 _HARDLY = 1e-6
@@ -434,7 +436,7 @@ class ConsistentSearch:
         solution, residual, scale, jacobian = self.least_velocities(q, v.copy())
         if self.hardly(q, v, solution):
             solution, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
-        if np.abs(residual / scale).max() > ACCEPTED:
+        if (np.abs(residual) > np.maximum(ACCEPTED * scale, _LEAST)).any():
             rows = np.asarray(jacobian)
             if self.accuracy is None or (np.abs(residual) > np.abs(rows) @ self.accuracy).any():
                 sizes = self.evaluator.sizes(self.t, q, v)

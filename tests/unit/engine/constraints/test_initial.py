@@ -409,3 +409,23 @@ def test_rounding_errors_are_no_adjustments() -> None:
         "initial: {x: {guess: 0}, x': {guess: 0}}\n"
     )
     assert set(lagcli.check(tiny).start.moved) == {"x"}
+
+
+@pytest.mark.parametrize("speed", [5e-324, -3e-320, 1e-310, 1e-300])
+@pytest.mark.parametrize("factor", [1.0, 2.0, -0.25])
+def test_the_smallest_guesses_of_velocities(speed: float, factor: float) -> None:
+    """Their products have rounding errors as large as they are."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {{rod: {factor}*(x^2 + y^2) = {factor}}}
+initial:
+  x: 0.5403023058681398
+  y: {{guess: -0.8414709848078965}}
+  x': {{guess: {speed}}}
+  y': {{guess: 0}}
+""")
+    start = simulation.prepare(model).start.state
+    assert abs(start.v).max() <= abs(speed)
+    assert start.q @ start.v == pytest.approx(0, abs=1e-10 * abs(speed) + 1e-307)
