@@ -69,7 +69,8 @@ class ColumnEvaluator:
             Values of the parameters that the model file declares, in SI.
         """
         count = len(columns["time"])
-        given = [float(x) for x in {**self._model.parameter_values, **parameters}.values()]
+        own = self._model.parameter_values
+        given = [float(parameters.get(name, value)) for name, value in own.items()]
         values = np.empty((len(self._constant), count))
         rows = max(1, _HELD // max(1, self._registers))
         for start in range(0, count, rows):
