@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -162,7 +163,8 @@ def test_another_host_is_rejected(program: Program, host: str) -> None:
 
 
 def test_what_is_no_request_is_told_so_and_reported_nowhere_else(program: Program) -> None:
-    assert asked(program, Host="")[0] in (400, 403)  # refused by aiohttp, or by us
+    of_aiohttp = tuple(map(int, version("aiohttp").split(".")[:2])) >= (3, 14)
+    assert asked(program, Host="")[0] == (400 if of_aiohttp else 403)
     with socket.create_connection(("127.0.0.1", program.port), timeout=PATIENCE) as other:
         other.sendall(b"nonsense\r\n\r\n")
         assert b" 400 " in other.recv(1000)

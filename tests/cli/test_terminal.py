@@ -204,6 +204,10 @@ def _files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("arguments", "columns"),
     [
         *((command, 80) for command in COMMANDS[3:-1]),
+        *(
+            pytest.param(command, 80, marks=pytest.mark.slow)
+            for command in (*COMMANDS[:3], COMMANDS[-1])
+        ),
         *((command, 120) for command in COMMANDS[:3]),
         *((command, 60) for command in (*COMMANDS[:2], COMMANDS[-1])),
     ],

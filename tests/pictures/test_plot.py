@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from random_cases import some
-from shipped import PATHS, REPRESENTATIVES
+from shipped import REPRESENTATIVES, WRITTEN, every_model
 from svg_labels import with_whole_labels
 
 import lagcli
@@ -87,7 +86,7 @@ def plot(tmp_path: Path, *arguments: str, suffix: str = "svg") -> str:
 # what is drawn
 
 
-@pytest.mark.parametrize("name", some(sorted(PATHS, key=lambda x: x not in REPRESENTATIVES), 5))
+@pytest.mark.parametrize("name", every_model(few=WRITTEN))
 def test_every_shipped_model_is_plotted(name: str, results: Path, tmp_path: Path) -> None:
     if not (results / f"{name}.h5").exists():
         short_run(name, results)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fmi import FmuError, Unpacked
 from fmu_states import restored_differently
+from random_cases import some
 from shipped import PATHS, every_model
 from test_fmu import PENDULUM, unpacked
 
@@ -201,11 +202,12 @@ def test_a_clock_that_is_late_is_refused(ball: Unpacked) -> None:
     assert refused >= 3
 
 
-def test_hostile_bytes_end_with_a_status(ball: Unpacked) -> None:
+@pytest.mark.parametrize("count", some([60, 200], 1))
+def test_hostile_bytes_end_with_a_status(ball: Unpacked, count: int) -> None:
     """Any words, with a checksum: the state is refused, or simulates to some end."""
     content, rng = saved(ball), np.random.default_rng(4)
     outcomes = set()
-    for _ in range(60):
+    for _ in range(count):
         words = np.frombuffer(content, np.uint64).copy()
         for place in rng.integers(HEADER, len(words), int(rng.integers(1, 4))):
             words[place] = rng.choice(

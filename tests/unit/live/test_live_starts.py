@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from live import Live
-from random_cases import FUZZ_COUNT
+from random_cases import FUZZ_COUNT, some
 from shipped import PATHS
 
 import lagcli
@@ -92,10 +92,11 @@ def check(model: Model, cases: list[Case], folder: Path) -> int:
     return count
 
 
+@pytest.mark.parametrize("count", some([6, 20], 1))
 @pytest.mark.parametrize("name", CHOSEN)
-def test_a_page_starts_where_simulate_does(name: str, tmp_path: Path) -> None:
+def test_a_page_starts_where_simulate_does(name: str, count: int, tmp_path: Path) -> None:
     model = lagcli.load(name)
-    cases = random_cases(model, 6, Random(7))
+    cases = random_cases(model, count, Random(7))
     if name == "heavy_top":
         random = Random(3)
         free = [*"XYZ", "e0'", "e1'", "e2'", "e3'"]

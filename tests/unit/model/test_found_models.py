@@ -418,13 +418,21 @@ def every_key(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+OPTIONS = ("--steps", "--numeric")
+
+
 @pytest.mark.parametrize(
     ("form", "option"),
     [
         ("text", "--steps"),
         ("latex", "--numeric"),
-        pytest.param("markdown", "--steps", marks=pytest.mark.slow),
-        pytest.param("json", "--numeric", marks=pytest.mark.slow),
+        *(
+            pytest.param(*rest, marks=pytest.mark.slow)
+            for rest in [
+                *(("text", "--numeric"), ("latex", "--steps")),
+                *((form, option) for form in ("markdown", "json") for option in OPTIONS),
+            ]
+        ),
     ],
 )
 def test_every_key_is_derived(every_key: Path, form: str, option: str, capsys) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import h5py  # noqa: F401  here, so that the forked writers need not import it
 import pytest
 from patience import children_time
+from random_cases import some
 from trajectories import assert_same_arrays, environment, make, make_for_csv, make_with_log
 
 from lagcli.errors import FileError, UsageError
@@ -248,8 +249,11 @@ def test_check_target_checks_suffixes_sidecars_and_standard_output(tmp_path: Pat
         check_target(tmp_path / "run.h5")
 
 
+@pytest.mark.parametrize("kills", some([10, 20], 1))
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_killed_writer_leaves_nothing_or_a_whole_file(tmp_path: Path, suffix: str) -> None:
+def test_a_killed_writer_leaves_nothing_or_a_whole_file(
+    tmp_path: Path, suffix: str, kills: int
+) -> None:
     if atomic._open_unnamed(str(tmp_path)) is None:
         pytest.skip("without unnamed files a kill leaves a hidden one")
     samples = {".h5": 15_000, ".csv": 1_000}[suffix]
@@ -260,7 +264,7 @@ def test_a_killed_writer_leaves_nothing_or_a_whole_file(tmp_path: Path, suffix: 
     duration = children_time() - before
 
     found = []
-    for kill in range(10):
+    for kill in range(kills):
         folder = tmp_path / str(kill)
         folder.mkdir()
         path = folder / f"run{suffix}"
@@ -271,7 +275,7 @@ def test_a_killed_writer_leaves_nothing_or_a_whole_file(tmp_path: Path, suffix: 
         if left:
             assert_same_arrays(trajectory, read(path))
         found += left
-    assert len(found) < 10  # else no kill came in time, and the test says nothing
+    assert len(found) < kills  # else no kill came in time, and the test says nothing
 
 
 def _race(writers: list[Callable[[], object]]) -> list[int]:
