@@ -62,6 +62,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_measure": (None, c_void_p, c_double, c_void_p),
     "lag_part_is_smooth": (c_int, c_int, c_void_p, c_void_p),
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
+    "lag_part_follow_approach": (c_int, c_void_p, c_double, *[c_void_p] * 3),
     "lag_part_acceleration_terms": (Doubles, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
     # of programs without the binding

@@ -19,8 +19,6 @@ from lagcli.engine.integrate.model_data import model_data
 from lagcli.simulations.simulation import Simulation
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
-#: How often a page takes a step back that may have passed a singular configuration.
-REPEATS = 10
 
 
 class Route(NamedTuple):
@@ -98,17 +96,11 @@ def by_page(simulation: Simulation, method: str) -> Route:
 
 
 def _go_on(made: c_void_p, block: Numbers) -> Route:
-    run, rows, repeated = core.lag_run_of(made), [], 0
+    run, rows = core.lag_run_of(made), []
     while True:
         status = Status(core.lag_simulate(made, 1000))
         rows.append(block[: core.lag_take(run)].copy())
-        if status == Status.OVER and repeated < REPEATS:
-            repeated += 1
-            core.lag_repeat(run)
-            continue
-        if status != Status.BLOCK_FULL:
-            repeated = 0
-        if status not in (Status.BLOCK_FULL, Status.RUNNING, Status.NEAR):
+        if status not in (Status.BLOCK_FULL, Status.RUNNING):
             break
     count, columns = c_int64(), c_int()
     at = parts.lag_log_of(made, byref(count), byref(columns))

@@ -35,19 +35,9 @@ Project = Callable[[float, Array, Array], tuple[Array, Array]]
 
 #: The weakest singular value at which a configuration counts as singular.
 SINGULAR = 1e-5
-#: Below this part of the largest weakest value of the run, steps are shortened: each reduces the
-#: value by at most _DESCENT, so that the last states are close enough together ...
-NEAR = 0.2
-_DESCENT = 0.02
-#: ... and below this part the path ahead is examined. Not later, because the rounding errors of a
-#: and λ grow with the inverse square of the value.
+#: Part of the usual weakest value at which the states before a singular configuration inside a step
+#: are: the one below which the core lets the path ahead be examined.
 _LOOK = 0.04
-#: ... again after it has fallen to this part: where the motion ends, at a turning point, it does so
-#: in small steps.
-_FALLEN = 0.85
-#: Steps that change the weakest value by less than a part of it are limited by rounding errors,
-#: where these are large: one step of an approach changes it by several hundredths.
-_STUCK, _PROGRESS = 20, 1e-3
 #: Largest residual of a state that is on the constraints, relative to the coordinates' sizes.
 _OFF = 1e-9
 #: Rounding errors of the weakest value of nonzero entries, the root of an eigenvalue.
@@ -60,8 +50,10 @@ _ACCURATE = 1e-6
 _PARTS = 16
 #: ... and length of B's path in a part relative to its chord.
 _CURVED = 1.25
-#: Number of states on each side used for a passage.
+#: Number of states on each side used for a passage, ...
 _NODES = 4
+#: ... three at least, not farther than so many times the distance that is left.
+_FEWEST, _REACH = 3, 8.0
 #: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
 #: Displacement of an initial state, relative to the coordinates' size, to test for a singularity,
@@ -91,6 +83,7 @@ class SingularTime(NamedTuple):
         s.
     within : float
         The time that it is located to, s: at this distance, the weakest value is clearly not zero.
+        Infinity if it is not certain.
     certain : bool
         Whether the path is on the constraints there. If not, the constraints may exclude the
         singular configuration, and the motion turns away before it.
@@ -120,13 +113,12 @@ class SingularTime(NamedTuple):
         return f"t = {time:.9g} s (to within {within:.1g} s{how})"
 
 
-@dataclass(frozen=True)
-class _Node:
-    """A consistent state of the last steps, with the weakest singular value there."""
+class _State(NamedTuple):
+    """A consistent state of the last steps, with the accelerations there."""
 
     t: float
     y: Array
-    weakest: float
+    a: Array
 
 
 @dataclass(frozen=True)
@@ -148,16 +140,16 @@ class Ahead:
 
 
 class RankWatch:
-    """Monitors the rank of B along a run."""
+    """Examines where B loses rank, where the core says that it may.
+
+    Parameters
+    ----------
+    motion : Index1
+    """
 
     def __init__(self, motion: Index1):
         self.motion, self.rank = motion, motion.rank
         self.names = motion.evaluator.system.constraints
-        self._nodes: list[_Node] = []
-        self._accelerations: dict[float, Array] = {}  # of the last nodes that were examined
-        self._usual = 0.0
-        self._examined = math.inf  # weakest value where the path ahead was examined last
-        self._last_change = (0, math.inf)  # number of steps and weakest value
 
     def values(self, t: float, q: Array, v: Array) -> Array | None:
         """Return the singular values of the scaled B, largest first; None if undefined."""
@@ -191,12 +183,6 @@ class RankWatch:
         if isinstance(jacobian, SparseRows):
             return jacobian.values * sizes[jacobian.column] / lengths[jacobian.row]
         return jacobian * sizes / lengths[:, None]
-
-    def restart(self) -> None:
-        """Discard the path so far."""
-        self._nodes.clear()
-        self._accelerations.clear()
-        self._examined, self._last_change = math.inf, (0, math.inf)
 
     # inside a step
 
@@ -247,17 +233,41 @@ class RankWatch:
         before, after = points[max(0, i - 1)], points[min(i + 1, _PARTS)]
         return self._singular(path, low, high, self._nearest(path, before, points[i], after), other)
 
-    def inside(self, singular: SingularTime, path: Path, since: float, project: Project) -> Ahead:
-        """Return a singular configuration inside a step, with states before it."""
+    def inside(
+        self, singular: SingularTime, path: Path, since: float, usual: float, project: Project
+    ) -> Ahead:
+        """Return a singular configuration inside a step, with states before it.
+
+        Parameters
+        ----------
+        singular : SingularTime
+        path : callable
+        since : float
+            The time at which the step begins, s.
+        usual : float
+            The weakest value far from singular configurations.
+        project : callable
+            (t, q, v) → the nearest consistent q and v.
+        """
         begin = max(self.weakest(since, path(since)), SINGULAR)
-        part = min(1.0, _LOOK * max(self._usual, begin) / begin)
+        part = min(1.0, _LOOK * max(usual, begin) / begin)
         width = max(part * (singular.time - since), singular.within)
-        before = []
-        for k in range(_NODES, 0, -1):
-            t = singular.time - width * k / _NODES
-            y = path(t)
-            before.append((t, np.concatenate([*project(t, *self.motion.split(y)), y[-1:]])))
+        before = self._consistent(path, self._times(singular.time, width), project)
         return Ahead(singular, tuple(before), lambda t: self.motion.split(path(t)))
+
+    def _times(self, singular: float, width: float) -> list[float]:
+        """Return times at equal distances before a singular configuration."""
+        return [singular - width * k / _NODES for k in range(_NODES, 0, -1)]
+
+    def _consistent(
+        self, path: Path, times: Sequence[float], project: Project
+    ) -> list[tuple[float, Array]]:
+        """Return consistent states at some times of a path."""
+        states = []
+        for t in times:
+            y = path(t)
+            states.append((t, np.concatenate([*project(t, *self.motion.split(y)), y[-1:]])))
+        return states
 
     def _parts(self, path: Path, low: float, high: float) -> list[_Point]:
         """Return equally spaced points of a path, the last one first."""
@@ -279,6 +289,8 @@ class RankWatch:
         self, path: Path, low: float, high: float, at: _Point, other: Path | None
     ) -> SingularTime:
         """Return the time of the weakest state of a path between two times, with its accuracy."""
+        if at.weakest >= SINGULAR or self._residual(self._rows(at.t, path(at.t))) >= _OFF:
+            return SingularTime(at.t, math.inf, certain=False)
         errors = [at.weakest, _OFF if at.scaled.ndim == 2 else _ROUNDING]
         if other is not None:
             errors.append(self.weakest(at.t, other(at.t)))
@@ -289,8 +301,7 @@ class RankWatch:
             if low <= t <= high
         ):
             within *= 2.0
-        certain = at.weakest < SINGULAR and self._residual(self._rows(at.t, path(at.t))) < _OFF
-        return SingularTime(at.t, within, certain)
+        return SingularTime(at.t, within, certain=True)
 
     def _at(self, path: Path, t: float) -> _Point:
         c = self._rows(t, path(t))
@@ -310,66 +321,15 @@ class RankWatch:
 
     # ahead of the last step
 
-    def add(self, t: float, y: Array) -> None:
-        """Add the state at the end of a step to the path."""
-        if self.rank:
-            self._nodes = [*self._nodes[1 - _NODES :], _Node(t, y, self.weakest(t, y))]
-            self._usual = max(self._usual, self._nodes[-1].weakest)
-
-    def near(self, t: float, y: Array) -> bool:
-        """Return whether a state is near a singular configuration."""
-        return self.weakest(t, y) < NEAR * self._usual
-
-    def _descent(self, below: float) -> float | None:
-        """Return the rate at which the weakest value falls if it is below a part of its maximum."""
-        if len(self._nodes) < 3:
-            return None
-        before, now = self._nodes[-2:]
-        if not now.weakest < min(before.weakest, below * self._usual):
-            return None
-        return (before.weakest - now.weakest) / (now.t - before.t)
-
-    def largest_step(self) -> float:
-        """Return the step size limit near a singular configuration."""
-        rate = self._descent(NEAR)
-        return math.inf if rate is None else _DESCENT * self._usual / rate
-
-    def is_stuck(self, steps: int, rtol: float) -> bool:
-        """Return whether rounding errors keep the motion from approaching a singular configuration.
-
-        Those of a grow with the inverse square of the weakest value. Where they exceed the relative
-        tolerance, they may limit the steps to a size in which the motion does not change.
-
-        Parameters
-        ----------
-        steps : int
-            Number of steps so far.
-        rtol : float
-        """
-        weakest, (since, before) = self._nodes[-1].weakest, self._last_change
-        if abs(weakest - before) > _PROGRESS * weakest:
-            self._last_change = steps, weakest
-            return False
-        lost = np.finfo(float).eps > rtol * weakest**2  # rows of B have a length of about 1
-        return bool(lost and steps - since >= _STUCK)
-
-    def _acceleration(self, node: _Node) -> Array:
-        """Return the accelerations at a node, which consecutive steps share."""
-        known = self._accelerations.get(node.t)
-        if known is None:
-            q, v = self.motion.split(node.y)
-            known = self.motion.accelerations(node.t, q, v)[0]
-        return known
-
-    def _continued(self, nodes: list[_Node]) -> Callable[[float], tuple[Array, Array]]:
-        """Return t → q, v on the polynomial through up to three nodes.
+    def _continued(self, states: list[_State]) -> Callable[[float], tuple[Array, Array]]:
+        """Return t → q, v on the polynomial through up to three states.
 
         Higher polynomials would amplify the rounding errors of a.
         """
         rows: list[Array] = []
-        for node in nodes:
-            rows += [*self.motion.split(node.y), self._accelerations[node.t]]
-        times = [node.t for node in nodes for _ in range(3)]
+        for state in states:
+            rows += [*self.motion.split(state.y), state.a]
+        times = [state.t for state in states for _ in range(3)]
         # of Newton's form: Σ c_k Π (t − t_j), j < k, and a last one of zero
         coefficients = [*_divided_differences(times, rows), np.zeros_like(rows[0])]
 
@@ -385,34 +345,55 @@ class RankWatch:
 
         return path
 
-    def ahead(self) -> Ahead | None:
-        """Examine the path for a singular configuration that the last steps approach."""
-        rate = self._descent(_LOOK)
-        if rate is None or self._nodes[-1].weakest > _FALLEN * self._examined:
-            return None
-        self._examined = self._nodes[-1].weakest
-        last = self._nodes[-_NODES:]
-        self._accelerations = {node.t: self._acceleration(node) for node in last}
-        path = self._continued(last[-3:])
-        earlier = self._continued(last[:-1])
+    def ahead(
+        self, states: Sequence[tuple[float, Array]], last_step: Path, project: Project
+    ) -> Ahead | None:
+        """Examine the path for a singular configuration that the last steps approach.
 
-        now = self._nodes[-1]
+        Parameters
+        ----------
+        states : sequence of (t, y)
+            Those at the ends of the last steps, two at least.
+        last_step : callable
+            The motion in the last step.
+        project : callable
+            (t, q, v) → the nearest consistent q and v.
+        """
+        (since, earlier), (t, now) = states[-2:]
+        weakest = self.weakest(t, now)
+        rate = (self.weakest(since, earlier) - weakest) / (t - since)
+        if not rate > 0.0:
+            return None
+        reach = _REACH * weakest / rate
+        recent = [state for state in states if t - state[0] <= reach]
+        if len(recent) < _FEWEST:  # after long steps
+            span = min(t - since, reach)
+            inside = self._consistent(last_step, (t - span, t - span / 2), project)
+            recent = [*inside, (t, now)]
+        last = [
+            _State(at, y, self.motion.accelerations(at, *self.motion.split(y))[0])
+            for at, y in recent
+        ]
+        path = self._continued(last[-3:])
+        other = self._continued(last[:-1])
+
         # in a large system, a bound of the change of B is so small that hundreds of states would be
         # examined after each step; what is missed here is found inside the step
-        large = isinstance(self._rows(now.t, now.y).jacobian, SparseRows)
+        large = isinstance(self._rows(t, now).jacobian, SparseRows)
         search = self.time_of_least if large else self.singular_time
         singular = search(
-            lambda t: np.concatenate(path(t)),
-            now.t,
-            now.t + 3 * now.weakest / rate,
-            lambda t: np.concatenate(earlier(t)),
+            lambda at: np.concatenate(path(at)),
+            t,
+            t + 3 * weakest / rate,
+            lambda at: np.concatenate(other(at)),
         )
         if singular is None or not singular.certain:
             return None
-        if singular.within > singular.time - now.t:
+        if singular.within > singular.time - t:
             return None  # a state that is nearer will tell the time better
-        before = tuple((node.t, node.y) for node in self._nodes)
-        return Ahead(singular, before, path)
+        times = self._times(singular.time, _NODES * (singular.time - t))
+        before = self._consistent(last_step, times, project) if since <= times[0] else recent
+        return Ahead(singular, tuple(before), path)
 
     # messages of stopped runs
 
@@ -434,30 +415,19 @@ class RankWatch:
         at = singular.stated(since)
         return Stop(f"singular configuration at {at}: {why} the motion; {advice}")
 
-    def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:
-        """Return the end of a run whose step size fell to the floor."""
-        q, v = self.motion.split(y)
-        if self.near(t, y):
-            why = _dependency(self._dependent(t, q, v), "become")
-            return Stop(
-                f"the step size fell to its minimum at t = {t:.9g} s, next to a singular"
-                f" configuration: {why} the motion"
-            )
-        fastest = self.motion.evaluator.system.coordinates[int(np.argmax(np.abs(v)))]
-        why = (
-            "the motion is singular or jumps there"
-            if method in ("auto", "Radau")
-            else "the motion is stiff or singular there; try --method Radau"
-        )
+    def floor(self, t: float, y: Array) -> Stop:
+        """Return the end of a run whose step size fell to the floor near a singular
+        configuration."""
+        why = _dependency(self._dependent(t, *self.motion.split(y)), "become")
         return Stop(
-            f"the step size fell to its minimum at t = {t:.9g} s, where `{fastest}` changes fastest"
-            f" ({np.abs(v).max():.3g} per second): {why}{remark}"
+            f"the step size fell to its minimum at t = {t:.9g} s, next to a singular"
+            f" configuration: {why} the motion"
         )
 
     def check_redundancy(self, t: float, y: Array) -> None:
         """Stop if redundant constraints contradict each other at a state on them."""
         worst = self.motion.contradicting(t, *self.motion.split(y))
-        if worst is not None and not self.near(t, y):
+        if worst is not None:
             raise Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
                 f" all hold with `{self.names[worst]}`; correct or remove one of them"

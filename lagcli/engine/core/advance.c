@@ -227,9 +227,10 @@ int lag_advance(lag_run *run, int64_t slice)
                 status = finish(run);
             if (status != LAG_RUNNING || (run->switching.due && run->switching.waits))
                 return status;
-            if (run->watch.mode && !run->switching.due && lag_approaches(run))
-                return LAG_NEAR;
-            if (run->rows.contradicted)
+            const int approach = run->watch.mode && !run->switching.due ? lag_follow_approach(run) : LAG_RUNNING;
+            if (approach != LAG_RUNNING)
+                return approach;
+            if (run->rows.contradicted && !lag_is_near(run))
                 return LAG_CONTRADICTED;
             if (lag_overlooked(run) && lag_take_all_rows(run, 2))
                 return LAG_INACCURATE;

@@ -412,8 +412,12 @@ int64_t lag_take(lag_run *run);
 /* The last step's dense output: q, v, W and the derivatives of q and v, as `y` of lag_problem. */
 void lag_dense(lag_run *run, double t, double *y);
 
-/* Limit steps further than the settings do, from here on; INFINITY: no further. */
-void lag_limit(lag_run *run, double step);
+/* Whether the state is near a singular configuration: its least singular value is small, relative to its largest. */
+int lag_is_near(lag_run *run);
+
+/* After LAG_NEAR: the last states, of which each is nearer to a singular configuration than the one before, t, q, v, W of
+ * each. Returns their number, at most LAG_APPROACH_STATES. */
+int lag_approach_of(const lag_run *run, double *states);
 
 /* Take the last step back, after LAG_OVER; the next one is shorter. */
 void lag_repeat(lag_run *run);

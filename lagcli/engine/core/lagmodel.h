@@ -133,13 +133,12 @@ void lag_destroy_simulation(lag_simulation *simulation);
 lag_run *lag_run_of(lag_simulation *simulation);
 
 /* Take at most this number of steps. Returns a lag_status. The simulation continues after LAG_RUNNING; after
- * LAG_BLOCK_FULL, once the samples are taken; after LAG_NEAR, LAG_OVER, LAG_CONTRADICTED and LAG_STIFF, if the caller
- * accepts that. Any other status is its last. */
+ * LAG_BLOCK_FULL, once the samples are taken; and after what lag_let_answer lets it return. Any other status
+ * is its last. */
 int lag_simulate(lag_simulation *simulation, int64_t steps);
 
 /* Go on to a time, where a step ends, also beyond t_end, but not beyond the last break of known functions. Returns
- * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. LAG_NEAR is accepted; after LAG_OVER
- * shorter steps are tried. */
+ * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. */
 int lag_simulate_to(lag_simulation *simulation, double t);
 
 /* Let it return these statuses, a sum of 1 << lag_status, too, instead of doing what is to be done there: the caller does, and

@@ -263,6 +263,24 @@ int lag_part_approaches(lag_run *run, double t, const double *y)
     return lag_approaches(run);
 }
 
+int lag_part_follow_approach(lag_run *run, double t, const double *y, double *h_max, int *near)
+{
+    const size_t size = (size_t)lag_size(&run->system) * sizeof *y;
+    memcpy(run->step.y_old, run->step.y, size);
+    memcpy(run->step.y_new, y, size);
+    memcpy(run->step.y, y, size);
+    run->step.t_old = run->step.t;
+    run->step.h_old = t - run->step.t;
+    run->step.t = t;
+    ++run->step.steps;
+    run->watch.path.length = INFINITY;
+    lag_stepped_over(run);
+    const int status = lag_follow_approach(run);
+    *h_max = run->step.h_max;
+    *near = lag_is_near(run);
+    return status;
+}
+
 void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coefficients *radau5)
 {
     rodas5p->gamma = rodas_gamma;

@@ -67,13 +67,14 @@ void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *st
  * states, in which B moves at a speed, passes a small minimum; the same of a step with stages, from the first state to
  * the last, the length and the largest speed of its path, the margin at its end, and whether it approaches one; whether
  * ln |det| at some times of a step from t of size h is smooth; whether a step to a state approaches a singular
- * configuration. */
+ * configuration; what follows from a step to a state: a lag_status, the limit of the next step, and whether it is near. */
 int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot);
 int lag_part_steps_over(lag_run *run, double h, double speed, const double *before, const double *after);
 int lag_part_path(lag_run *run, int count, const double *times, const double *states, double *path);
 void lag_part_measure(lag_run *run, double t, const double *y);
 int lag_part_is_smooth(int count, const double *times, const double *values);
 int lag_part_approaches(lag_run *run, double t, const double *y);
+int lag_part_follow_approach(lag_run *run, double t, const double *y, double *h_max, int *near);
 
 /* The sizes of what accelerations are made of, nq: A of sizes.h. */
 const double *lag_part_acceleration_terms(const lag_run *run);

@@ -17,13 +17,6 @@ int64_t lag_take(lag_run *run)
     return used;
 }
 
-void lag_limit(lag_run *run, double step)
-{
-    run->step.h_max = fmin(step, run->settings.max_step);
-    if (run->step.h > run->step.h_max)
-        run->step.h = run->step.h_max;
-}
-
 void lag_move(lag_run *run, double t, const double *y, int64_t times_next)
 {
     run->step.t = t;

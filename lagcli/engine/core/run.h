@@ -164,6 +164,20 @@ typedef struct {
                                         * and where it ended */
 } lag_path;
 
+#define LAG_APPROACH_STATES 4 /* states of an approach that are kept */
+
+/* The last steps, where each went towards a singular configuration. */
+typedef struct {
+    double value;                      /* the least singular value after the last step; INFINITY: far from 0 */
+    double largest, largest_pivot;     /* its largest so far, and the largest least pivot where it was determined */
+    double t_last, last;               /* time and value at the last state that is kept */
+    double examined;                   /* value where the path ahead was examined last */
+    double changed;                    /* value at the last progress, ... */
+    int64_t changed_at;                /* ... and number of steps until then */
+    int states;                        /* that are kept */
+    double t[LAG_APPROACH_STATES], *y; /* they: lag_size each */
+} lag_approach;
+
 /* watch.c: the watch for singular configurations. */
 typedef struct {
     int mode;                          /* a lag_watching */
@@ -171,7 +185,8 @@ typedef struct {
     double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
     int64_t examined;                  /* states whose least pivot was computed, or would be without the determinant */
     double suspect[2];                 /* part of the last step in which B may lose rank: from 0 to 1 */
-    double *combination;               /* nc: of rows, that inverse iteration found last */
+    double *combination;               /* nc: of rows, that inverse iteration found last; and nc of scratch */
+    lag_approach approach;
     lag_path path;
     lag_determinant determinant;
     double largest_step;               /* of many rows: since the least pivot was last computed */

@@ -77,7 +77,8 @@ core = Functions(
         "lag_sample_until": (c_int, c_void_p, c_double),
         "lag_take": (c_int64, c_void_p),
         "lag_dense": (None, c_void_p, c_double, c_void_p),
-        "lag_limit": (None, c_void_p, c_double),
+        "lag_is_near": (c_int, c_void_p),
+        "lag_approach_of": (c_int, c_void_p, c_void_p),
         "lag_repeat": (None, c_void_p),
         "lag_move": (None, c_void_p, c_double, c_void_p, c_int64),
         "lag_sizes_again": (c_int, c_void_p),
@@ -103,6 +104,8 @@ METHODS = _methods()
 
 #: All that a simulation may return: the caller answers it.
 _EVERY_STATUS = sum(1 << status for status in Status)
+#: LAG_APPROACH_STATES.
+_APPROACH_STATES = 4
 #: lag_model_status: there is no memory.
 _NO_MEMORY = 9
 
@@ -324,9 +327,15 @@ class Integrator:
         rows = self.block[: core.lag_take(self._run)]
         return rows.copy() if self.times_next < self._times else rows  # more are to come
 
-    def limit(self, step: float) -> None:
-        """Limit the next steps further than the settings do, s; infinity: no further."""
-        core.lag_limit(self._run, step)
+    def is_near(self) -> bool:
+        """Return whether the state is near a singular configuration."""
+        return bool(core.lag_is_near(self._run))
+
+    def approach(self) -> list[tuple[float, Array]]:
+        """Return the last states, (t, (q, v, W)), after `Status.NEAR`."""
+        states = np.empty((_APPROACH_STATES, 1 + self._n))
+        count = core.lag_approach_of(self._run, address(states))
+        return [(float(row[0]), row[1:]) for row in states[:count]]
 
     def repeat(self) -> None:
         """Take the last step back, after `Status.OVER`; the next one is shorter."""

@@ -149,7 +149,8 @@ static void allocate(lag_run *run)
     run->dense.pivots = lag_get(pool, (size_t)size, sizeof(int));
     if (!lag_many_rows(run))
         allocate_rows(run);
-    run->watch.combination = lag_doubles(pool, nc);
+    run->watch.combination = lag_doubles(pool, 2 * nc);
+    run->watch.approach.y = lag_doubles(pool, (int64_t)LAG_APPROACH_STATES * n);
     run->watch.path.entries = run->watch.path.begin = lag_doubles(pool, run->system.nb);
     run->watch.path.last = lag_doubles(pool, run->system.nb);
     run->watch.path.weight = lag_doubles(pool, run->system.nb);

@@ -25,7 +25,7 @@ class Status(_Described):
     BLOCK_FULL = "the sample block is full"
     UNDEFINED = "the equations have no finite value at (t_bad, y_bad)"
     FLOOR = "the step size fell to its minimum"
-    NEAR = "the last step went towards a singular configuration"
+    NEAR = "the path ahead may lead to a singular configuration"
     OVER = "the last step may have crossed a singular configuration"
     OFF = "(t_bad, y_bad) cannot be projected onto the constraints"
     INACCURATE = "the static elimination is inaccurate at the end (t_bad, y_bad) of a rejected step"

@@ -1,5 +1,6 @@
 #include "watch.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -26,7 +27,19 @@
 #define SLOWER 0.5          /* ratio of steps, the later to the earlier, from which the least pivot is computed */
 #define ASIDE 0.1           /* weight of all rows in the initial vector of inverse iteration */
 #define ITERATIONS 8        /* largest number of iterations ... */
-#define SETTLED 0.9         /* ... and ratio of successive values at convergence */
+#define SETTLED 0.9         /* ... and ratio of successive values at convergence; ... */
+#define MORE_ITERATIONS 30  /* ... of the value that limits steps, ... */
+#define CLOSELY 0.9999      /* ... which is needed closely */
+#define LARGER 2.0          /* growth of the least pivot after which the largest least singular value is determined again */
+#define SHORTER_BELOW 0.2   /* of its largest value: least singular value below which steps are limited, ... */
+#define DESCENT 0.02        /* ... so that each reduces it by at most this part of the largest */
+#define AHEAD_BELOW 0.04    /* of its largest value: where the path ahead is to be examined. Not later, because the rounding
+                             * errors of a and lambda grow with the inverse square of the value ... */
+#define FALLEN 0.85         /* ... again after the value has fallen to this part: where the motion ends, at a turning point,
+                             * it does so in small steps */
+#define PROGRESS 1e-3       /* smallest relative change of the value that counts as progress, ... */
+#define STUCK 20            /* ... and number of steps without it that end an approach limited by rounding errors: one step
+                             * changes the value by several hundredths */
 
 /* Normalize x; returns its previous length. */
 static double normalize(double *x, int n)
@@ -40,31 +53,47 @@ static double normalize(double *x, int n)
     return length;
 }
 
+/* Apply the inverse of (rows of B over their lengths) M^-1 (the same)' by the last factors. */
+static int by_factors_of_motion(lag_run *run, double *x)
+{
+    const int nc = run->system.nc / run->system.blocks;
+    for (int i = 0; i < nc; ++i)
+        x[i] *= run->rows.lengths[i];
+    lag_oppose(run, x);
+    for (int i = 0; i < nc; ++i)
+        x[i] *= run->rows.lengths[i];
+    return 0;
+}
+
+/* Apply the inverse of the products of the rows of B that are pivots, after lag_pivot_of_products. */
+static int by_factors_of_products(lag_run *run, double *x)
+{
+    const int nc = run->system.nc / run->system.blocks, rank = run->rows.rank / run->system.blocks;
+    for (int k = rank; k < nc; ++k)
+        x[run->rows.order[k]] = 0.0;
+    return lag_solve_products(run->rows.components, nc, rank, run->rows.order, x, x + nc);
+}
+
 /*
- * The least singular value of B's rows over their lengths, in the metric of M, by inverse iteration
- * with the last factors; from above, and the closer the further it is below the others. It begins
- * with what was found last, which differs little, and with something of all rows.
+ * The least singular value of B's rows, by inverse iteration; from above, and the closer the further it is below the
+ * others. It begins with what was found last, which differs little, and with something of all rows.
  */
-static double least_singular(lag_run *run)
+static double least_singular(lag_run *run, int (*apply_inverse)(lag_run *run, double *x), int iterations, double settled)
 {
     const int nc = run->system.nc / run->system.blocks;
     double *x = run->watch.combination, value = INFINITY;
     for (int i = 0; i < nc; ++i)
         x[i] += ASIDE * cos(i) / sqrt(nc);
     normalize(x, nc);
-    for (int k = 0; k < ITERATIONS; ++k) {
+    for (int k = 0; k < iterations; ++k) {
         const double before = value;
-        for (int i = 0; i < nc; ++i)
-            x[i] *= run->rows.lengths[i];
-        lag_oppose(run, x);
-        for (int i = 0; i < nc; ++i)
-            x[i] *= run->rows.lengths[i];
+        const int failed = apply_inverse(run, x);
         value = 1.0 / sqrt(normalize(x, nc));
-        if (!(value > 0.0) || !isfinite(value)) { /* the factors are not accurate enough */
+        if (failed || !(value > 0.0) || !isfinite(value)) { /* the factors are not accurate enough */
             memset(x, 0, (size_t)nc * sizeof(double));
             return 0.0;
         }
-        if (value > SETTLED * before)
+        if (value > settled * before)
             break;
     }
     return value;
@@ -115,6 +144,7 @@ static int multiply_rows(lag_run *run, double *products)
     return !isfinite(sum);
 }
 
+/* In the metric of M where B is large, else relative to the coordinates' sizes. */
 double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
@@ -124,11 +154,39 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
         return 1.0;
     ++run->watch.examined;
     if (by_determinant(run))
-        return lag_factor(run, t, y) ? 0.0 : least_singular(run);
+        return lag_factor(run, t, y) ? 0.0 : least_singular(run, by_factors_of_motion, ITERATIONS, SETTLED);
     lag_evaluate(&s->constraint, s, t, y, LAG_VELOCITIES);
     if (multiply_rows(run, products))
         return 1.0;
     return lag_pivot_of_products(products, nc, run->rows.rank / s->blocks, run->rows.order);
+}
+
+/* The least singular value, closely, where the least pivot was computed last; of redundant rows, that of the pivots. */
+static double least_value(lag_run *run, double pivot)
+{
+    if (by_determinant(run) || !(pivot > 0.0))
+        return pivot;
+    return least_singular(run, by_factors_of_products, MORE_ITERATIONS, CLOSELY);
+}
+
+/* Determine the least singular value where the least pivot was computed last, if that is small, or larger than before. */
+static void measure_value(lag_run *run, double pivot)
+{
+    lag_approach *a = &run->watch.approach;
+    a->value = INFINITY;
+    if (pivot > LARGER * a->largest_pivot || pivot < NEAR * run->watch.largest_pivot) {
+        a->value = least_value(run, pivot);
+        a->largest = fmax(a->largest, a->value);
+        a->largest_pivot = fmax(a->largest_pivot, pivot);
+    }
+}
+
+int lag_is_near(lag_run *run)
+{
+    if (!run->watch.mode)
+        return 0;
+    const double pivot = lag_least_pivot(run, run->step.t, run->step.y);
+    return least_value(run, pivot) < SHORTER_BELOW * run->watch.approach.largest;
 }
 
 /* The weights of entries of B in the length of its path. */
@@ -137,6 +195,20 @@ static void weigh_path(lag_run *run)
     const lag_system *s = &run->system;
     for (int i = 0; i < s->nb / s->blocks; ++i)
         run->watch.path.weight[i] = run->rows.sizes[s->jacobian_column[i]] / run->rows.lengths[s->jacobian_row[i]];
+}
+
+/* Limit steps further than the settings do; INFINITY: no further. */
+static void limit(lag_run *run, double step)
+{
+    run->step.h_max = fmin(step, run->settings.max_step);
+    run->step.h = fmin(run->step.h, run->step.h_max);
+}
+
+/* Forget the states that led towards a singular configuration. */
+static void end_approach(lag_run *run)
+{
+    run->watch.approach.states = 0;
+    limit(run, INFINITY);
 }
 
 void lag_watch_restart(lag_run *run)
@@ -151,6 +223,8 @@ void lag_watch_restart(lag_run *run)
     weigh_path(run);
     run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
+    measure_value(run, run->watch.pivot);
+    end_approach(run);
     path->margin = CERTAIN * run->watch.pivot;
     run->watch.determinant.begin = NAN;
     run->watch.largest_step = 0.0;
@@ -432,6 +506,7 @@ static int over_by_determinant(lag_run *run)
         w->largest_step = run->step.h_old;
         w->pivot_at_end = lag_least_pivot(run, run->step.t_old + run->step.h_old, run->step.y_new);
         w->largest_pivot = fmax(w->largest_pivot, w->pivot_at_end);
+        measure_value(run, w->pivot_at_end);
     }
     return !is_smooth_at_stages(run) && loses_rank(run);
 }
@@ -439,7 +514,7 @@ static int over_by_determinant(lag_run *run)
 int lag_stepped_over(lag_run *run)
 {
     lag_path *path = &run->watch.path;
-    run->watch.pivot_at_end = INFINITY;
+    run->watch.pivot_at_end = run->watch.approach.value = INFINITY;
     if (by_determinant(run))
         return over_by_determinant(run);
     if (path->length < path->margin - CERTAIN * NEAR * run->watch.largest_pivot) {
@@ -450,6 +525,7 @@ int lag_stepped_over(lag_run *run)
     const double end = lag_least_pivot(run, run->step.t_old + run->step.h_old, run->step.y_new);
     run->watch.pivot_at_end = end;
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, end);
+    measure_value(run, end);
     path->margin_at_end = CERTAIN * end;
     path->exceeded = path->length >= path->margin + path->margin_at_end;
     if (!path->exceeded)
@@ -463,10 +539,87 @@ int lag_stepped_over(lag_run *run)
     return dips(run, end);
 }
 
+/* Keep a state of an approach; the last LAG_APPROACH_STATES are. */
+static void keep_state(lag_run *run, double t, const double *y, double value)
+{
+    lag_approach *a = &run->watch.approach;
+    const size_t n = (size_t)lag_size(&run->system);
+    if (a->states == LAG_APPROACH_STATES) {
+        --a->states;
+        memmove(a->t, a->t + 1, (size_t)a->states * sizeof *a->t);
+        memmove(a->y, a->y + n, a->states * n * sizeof *a->y);
+    }
+    a->t[a->states] = t;
+    memcpy(a->y + a->states * n, y, n * sizeof *y);
+    ++a->states;
+    a->t_last = t;
+    a->last = value;
+}
+
+/* Begin to keep the states of an approach, with that before the last step. */
+static void begin_approach(lag_run *run)
+{
+    lag_approach *a = &run->watch.approach;
+    const double pivot = lag_least_pivot(run, run->step.t_old, run->step.y_old);
+    keep_state(run, run->step.t_old, run->step.y_old, least_value(run, pivot));
+    a->changed = INFINITY;
+    a->examined = INFINITY;
+}
+
+/* Whether the last steps have not changed the least singular value, because of rounding errors of a, which grow with its
+ * inverse square. */
+static int is_stuck(lag_run *run, double value)
+{
+    lag_approach *a = &run->watch.approach;
+    if (fabs(value - a->changed) > PROGRESS * value) {
+        a->changed = value;
+        a->changed_at = run->step.steps;
+        return 0;
+    }
+    /* rows of B have a length of about 1 */
+    return DBL_EPSILON > run->settings.rtol * value * value && run->step.steps - a->changed_at >= STUCK;
+}
+
 int lag_approaches(lag_run *run)
 {
     const double before = run->watch.pivot, largest = run->watch.largest_pivot;
     run->watch.pivot = fmin(run->watch.pivot_at_end, largest);
     run->watch.approaching = run->watch.pivot < fmin(before, NEAR * largest);
     return run->watch.approaching;
+}
+
+int lag_follow_approach(lag_run *run)
+{
+    lag_approach *a = &run->watch.approach;
+    const double value = a->value;
+    if (!lag_approaches(run)) {
+        if (a->states)
+            end_approach(run);
+        return LAG_RUNNING;
+    }
+    if (!a->states)
+        begin_approach(run);
+    const double fall = a->last - value, taken = run->step.t - a->t_last;
+    keep_state(run, run->step.t, run->step.y, value);
+    if (is_stuck(run, value))
+        return LAG_FLOOR;
+    const int falls = fall > 0.0 && value < SHORTER_BELOW * a->largest;
+    limit(run, falls ? DESCENT * a->largest * taken / fall : INFINITY);
+    if (falls && value < fmin(AHEAD_BELOW * a->largest, FALLEN * a->examined)) {
+        a->examined = value;
+        return LAG_NEAR;
+    }
+    return LAG_RUNNING;
+}
+
+int lag_approach_of(const lag_run *run, double *states)
+{
+    const lag_approach *a = &run->watch.approach;
+    const size_t n = (size_t)(2 * run->system.nq + 1), size = (size_t)lag_size(&run->system);
+    for (int i = 0; i < a->states; ++i) {
+        *states++ = a->t[i];
+        memcpy(states, a->y + i * size, n * sizeof *states);
+        states += n;
+    }
+    return a->states;
 }

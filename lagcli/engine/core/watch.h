@@ -49,4 +49,8 @@ int lag_stepped_over(lag_run *run);
  * one before. */
 int lag_approaches(lag_run *run);
 
+/* After a step: limit the next one where the last steps approach a singular configuration. Returns LAG_RUNNING; LAG_NEAR
+ * where the path ahead is to be examined; LAG_FLOOR where rounding errors keep the motion from going on. */
+int lag_follow_approach(lag_run *run);
+
 #endif

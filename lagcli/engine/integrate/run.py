@@ -110,7 +110,6 @@ class Integration:
         self.evaluator = Evaluator(system, request.state.p)
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
-        self.last_near = -1
         self.series = self.settings.method == "Taylor"
         self.states: list[State] = [request.state]
         recursive = system.recursive_form is not None and not self.redundant
@@ -367,9 +366,7 @@ class Integration:
         """The monitor of singular configurations."""
         from lagcli.engine.constraints.singular import RankWatch
 
-        watch = RankWatch(self.motion)
-        watch.add(self.request.state.t, self.ranked_part(self.request.state.y))
-        return watch
+        return RankWatch(self.motion)
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q and v."""
@@ -417,8 +414,6 @@ class Integration:
                     self.use(self.for_long_runs())
             else:
                 report = core.report
-                if status == Status.NEAR:
-                    slice_ = 1
             self.progress(report.t)
 
     def limited(self) -> str:
@@ -476,13 +471,11 @@ class Integration:
             q, v = self.split(core.y_bad)
             raise jumped(self.system, core.t_bad, q, self.projection(core.t_bad, q, v)[0])
         if status == Status.FLOOR:
-            y = self.ranked_part(core.state)
-            if self.methods.may_help() and not self.watch.near(core.t, y):
+            y, near = self.ranked_part(core.state), core.is_near()
+            if self.methods.may_help() and not near:
                 self.methods.stiff(forced=True)
                 return False
-            remark = self.diverging() or self.limited()
-            floor = self.watch.floor
-            raise self.far_from_zero() or floor(core.t, y, self.settings.method, remark)
+            raise self.far_from_zero() or self.floor(core.t, y, near=near)
         if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes
@@ -498,8 +491,23 @@ class Integration:
             self.methods.stiff()
         elif status == Status.ORDER:
             self.methods.order()
-        core.limit(math.inf)
         return bool(status == Status.DONE)
+
+    def floor(self, t: float, y: Array, *, near: bool) -> Stop:
+        """Return the end of a run whose step size fell to the floor."""
+        if near:
+            return self.watch.floor(t, y)
+        _, v = self.motion.split(y)
+        fastest = self.ranked.coordinates[int(np.argmax(np.abs(v)))]
+        why = (
+            "the motion is singular or jumps there"
+            if self.settings.method in ("auto", "Radau")
+            else "the motion is stiff or singular there; try --method Radau"
+        )
+        return Stop(
+            f"the step size fell to its minimum at t = {t:.9g} s, where `{fastest}` changes fastest"
+            f" ({np.abs(v).max():.3g} per second): {why}{self.diverging() or self.limited()}"
+        )
 
     def far_from_zero(self) -> Stop | None:
         """Return the end of a run whose steps are too short where times are far apart."""
@@ -514,26 +522,17 @@ class Integration:
     def check_ahead(self) -> bool:
         """Examine the path of the last steps, which approach a singular configuration."""
         core, watch = self.core, self.watch
-        t, y, steps = core.t, self.ranked_part(core.state), core.counts[0]
         self.measure()
-        if steps != self.last_near + 1:
-            watch.restart()
-            since, _ = core.step
-            for at in (since, (since + t) / 2):
-                before = self.ranked_part(core.dense(at))
-                q, v = self.ranked_projection(at, *self.motion.split(before))
-                watch.add(at, np.concatenate([q, v, before[-1:]]))
-        self.last_near = steps
-        watch.add(t, y)
-        ahead = watch.ahead()
+        ahead = watch.ahead(
+            [(t, self.ranked_part(y)) for t, y in core.approach()],
+            self.last_step,
+            self.ranked_projection,
+        )
         if ahead is None:
-            if watch.is_stuck(steps, self.settings.rtol):
-                raise watch.floor(t, y, self.settings.method)
-            core.limit(watch.largest_step())
             return False
         if not self.crosses:
             q, v = ahead.path(ahead.singular.time)
-            raise watch.stop(ahead.singular, q, v, self.advice(lambda: ahead), t)
+            raise watch.stop(ahead.singular, q, v, self.advice(lambda: ahead), core.t)
         crossing = self.crossing(ahead)
         self.collect()
         times = self.request.times
@@ -546,8 +545,6 @@ class Integration:
                 rows.append(np.concatenate([[at], q, v, a, multipliers, [work]]))
             self.emit(np.array(rows))
             self.progress(float(rows[-1][0]))
-        watch.restart()
-        core.limit(math.inf)
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.settings.t_end or self.handle_status(core.start())
 
@@ -574,14 +571,14 @@ class Integration:
         motion.measure(self.core.t, *motion.split(self.ranked_part(self.core.state)))
         motion.lengths = np.maximum(motion.lengths, self.core.lengths[: motion.nc])
 
+    def last_step(self, t: float) -> Array:
+        """Return the state whose rank is watched at a time in the last step."""
+        return self.ranked_part(self.core.dense(t))
+
     def check_stepped_over(self) -> None:
         """Stop if the last step passed a singular configuration; repeat one that may have."""
-        core = self.core
+        core, path = self.core, self.last_step
         self.measure()
-
-        def path(t: float) -> Array:
-            return self.ranked_part(core.dense(t))
-
         found = self.watch.singular_time(path, *core.suspect)
         if found is None:
             return
@@ -592,10 +589,11 @@ class Integration:
             self.collect()
             self.progress(core.t)
         self.handle_status(status)
-        since, _ = core.step
+        start, (since, _) = self.request.state, core.step
 
         def approach() -> Ahead:
-            return self.watch.inside(found, path, since, self.ranked_projection)
+            usual = self.watch.weakest(start.t, self.ranked_part(start.y))
+            return self.watch.inside(found, path, since, usual, self.ranked_projection)
 
         q, v = self.motion.split(path(found.time))
         raise self.watch.stop(found, q, v, self.advice(approach))

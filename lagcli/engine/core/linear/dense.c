@@ -1,6 +1,7 @@
 #include "linear/dense.h"
 
 #include <math.h>
+#include <string.h>
 
 int lag_lu(double *m, int *pivots, int n)
 {
@@ -111,33 +112,56 @@ double lag_pivot(double *vectors, int size, int count, int rank, int *order, dou
     return length;
 }
 
-double lag_pivot_of_products(double *products, int count, int rank, int *taken)
+double lag_pivot_of_products(double *products, int count, int rank, int *order)
 {
     double square = 0.0;
     for (int j = 0; j < count; ++j)
-        taken[j] = 0;
+        order[j] = j;
     for (int k = 0; k < rank; ++k) {
-        int best = 0;
+        int place = k;
         square = 0.0;
-        for (int j = 0; j < count; ++j)
-            if (!taken[j] && products[j * count + j] > square) {
-                square = products[j * count + j];
-                best = j;
+        for (int m = k; m < count; ++m) { /* what is left is ascending */
+            const double own = products[order[m] * count + order[m]];
+            if (own > square) {
+                square = own;
+                place = m;
             }
+        }
         if (!(square > 0.0))
             return 0.0;
+        const int best = order[place];
+        memmove(order + k + 1, order + k, (size_t)(place - k) * sizeof *order);
+        order[k] = best;
         const double *pivot = products + best * count;
-        taken[best] = 1;
-        for (int j = 0; j < count && k + 1 < rank; ++j) {
-            if (taken[j] || pivot[j] == 0.0)
+        for (int m = k + 1; m < count && k + 1 < rank; ++m) {
+            if (pivot[order[m]] == 0.0)
                 continue;
-            double *row = products + j * count;
-            const double part = pivot[j] / square;
+            double *row = products + order[m] * count;
+            const double part = pivot[order[m]] / square;
             for (int i = 0; i < count; ++i)
                 row[i] -= part * pivot[i];
         }
     }
     return sqrt(square);
+}
+
+int lag_solve_products(const double *products, int count, int rank, const int *order, double *x, double *work)
+{
+    double sum = 0.0;
+    for (int k = 0; k < rank; ++k) { /* U' D^-1 U x, where row k of U is that of pivot k */
+        sum = x[order[k]];
+        for (int m = 0; m < k; ++m)
+            sum -= products[order[m] * count + order[k]] * work[m];
+        work[k] = sum / products[order[k] * count + order[k]];
+    }
+    for (int k = rank - 1; k >= 0; --k) {
+        const double *row = products + order[k] * count;
+        sum = work[k] * row[order[k]];
+        for (int m = k + 1; m < rank; ++m)
+            sum -= row[order[m]] * x[order[m]];
+        x[order[k]] = sum / row[order[k]];
+    }
+    return !isfinite(sum);
 }
 
 void lag_dependencies(int count, int rank, const int *order, const double *r, double *out)

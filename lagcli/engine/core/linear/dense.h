@@ -20,9 +20,13 @@ double lag_pivot(double *vectors, int size, int count, int rank, int *order, dou
 /*
  * The length that lag_pivot returns, from the products of the vectors with each other: a symmetric matrix, which
  * changes. By Cholesky's decomposition, in a fraction of the time, but lengths below about 1e-7 of the largest are lost
- * in rounding. taken: scratch, `count`.
+ * in rounding. order: the vectors' numbers, those of the pivots first.
  */
-double lag_pivot_of_products(double *products, int count, int rank, int *taken);
+double lag_pivot_of_products(double *products, int count, int rank, int *order);
+
+/* Solve for the pivots' entries of x with the products that lag_pivot_of_products has left. work: rank. Returns 0, or 1
+ * where the solution is not finite. */
+int lag_solve_products(const double *products, int count, int rank, const int *order, double *x, double *work);
 
 /*
  * From lag_pivot's order and r, the combinations of the vectors that vanish: count - rank rows of

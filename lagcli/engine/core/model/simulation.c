@@ -288,6 +288,8 @@ int lag_simulate(lag_simulation *s, int64_t steps)
                 if (s->open)
                     lag_events_resolve(s);
             }
+            if (run->step.steps > before)
+                s->repeats = 0;
             if (run->step.steps >= s->steps_to_unroll && unroll(s))
                 return end(s, LAG_NO_MEMORY);
             if (lag_is_due(s))
@@ -313,12 +315,14 @@ int lag_simulate(lag_simulation *s, int64_t steps)
                 return end(s, status);
             s->phase = LAG_AT_START;
             break;
-        case LAG_NEAR:
+        case LAG_STIFF: /* there is one method */
+        case LAG_NEAR:  /* if the path leads there, the steps end at their minimum, or one goes over it */
+            break;
         case LAG_OVER:
-        case LAG_CONTRADICTED:
-        case LAG_STIFF:
-            s->phase = LAG_UNDER_WAY;
-            return status;
+            if (s->repeats++ == REPEATS)
+                return end(s, status);
+            lag_repeat(run);
+            break;
         default: return end(s, status);
         }
     }
@@ -357,22 +361,15 @@ int lag_simulate_to(lag_simulation *s, double t)
 int lag_simulate_watched(lag_simulation *s, double t, lag_after_step *after, void *context)
 {
     lag_run *run = s->run;
-    int status = lag_simulate(s, 0), repeated = 0;
+    int status = lag_simulate(s, 0);
     if (!(run->settings.t_end > t))
         run->settings.t_end = t + (t - run->step.t_start) + 1.0;
     while (status == LAG_RUNNING && run->step.t < t && !lag_is_due(s)) {
         lag_set_stop(run);
         run->step.t_stop = fmin(run->step.t_stop, t);
         status = lag_simulate(s, 1);
-        if (status == LAG_NEAR)
-            status = LAG_RUNNING;
-        repeated = status == LAG_OVER ? repeated + 1 : 0;
-        if (repeated && repeated < REPEATS) {
-            lag_repeat(run);
-            status = LAG_RUNNING;
-        } else if (status == LAG_RUNNING && after) {
+        if (status == LAG_RUNNING && after)
             t = fmin(t, fmax(after(context), run->step.t));
-        }
     }
     return status;
 }
@@ -411,6 +408,7 @@ void lag_archive_simulation(lag_archive *a, lag_simulation *s)
     lag_archive_int(a, &s->status, 0, INT32_MAX);
     lag_archive_reals(a, &s->retried, 1);
     lag_archive_int(a, &s->retries, 0, INT32_MAX / 2);
+    lag_archive_int(a, &s->repeats, 0, REPEATS);
     lag_archive_int(a, &orders, 0, INT32_MAX / 2);
     s->phase = (enum lag_phase)phase;
     if (s->phase == LAG_ENDED && s->status != LAG_DONE) /* one that has failed has no state to continue from */

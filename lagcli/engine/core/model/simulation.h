@@ -29,6 +29,7 @@ struct lag_simulation {
     int orders;                        /* of pivots that have been requested */
     double retried;                    /* time at which a solution was last replaced by the dense one ... */
     int retries;                       /* ... how often there */
+    int repeats;                       /* of the last step, which may have gone over a singular configuration */
     int64_t answered;                  /* statuses that the caller answers: lag_let_answer */
 
     /* actions.c: events */

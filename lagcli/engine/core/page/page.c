@@ -8,7 +8,6 @@
 #include "model/simulation.h"
 #include "run.h"
 
-#define REPEATS 10 /* of a step that may have passed a singular configuration, each shorter than the last one */
 
 struct lag_page {
     lag_fmu *fmu;
@@ -16,7 +15,6 @@ struct lag_page {
     int64_t width;                     /* of a sample */
     double *times, *rows;              /* of the run */
     int64_t room, used;                /* samples */
-    int repeated;
 };
 
 static char message[LAG_MESSAGE];
@@ -141,7 +139,6 @@ int32_t lag_page_begin(lag_page *page, const double *times, int32_t count, doubl
     problem->times_count = count;
     problem->block = fmu->row;
     problem->block_rows = 1;
-    page->repeated = 0;
     if (lag_fmu_initialize(fmu, problem->t, t_end) || lag_fmu_prepare(fmu))
         return 1;
     lag_samples *samples = &lag_run_of(fmu->simulation)->samples;
@@ -160,15 +157,8 @@ int32_t lag_page_go_on(lag_page *page, int32_t steps)
         const int64_t rest = until - run->step.steps;
         const int status = lag_simulate(s, rest > 0 ? rest : 0);
         lag_take(run);
-        if (status == LAG_OVER && page->repeated++ < REPEATS) {
-            lag_repeat(run);
-            continue;
-        }
-        if (status != LAG_BLOCK_FULL)
-            page->repeated = 0;
         switch (status) {
-        case LAG_BLOCK_FULL:
-        case LAG_NEAR: continue;
+        case LAG_BLOCK_FULL: continue;
         case LAG_RUNNING: return LAG_PAGE_UNDER_WAY;
         case LAG_DONE: return LAG_PAGE_DONE;
         default: lag_fmu_fail_at(page->fmu, status); return LAG_PAGE_FAILED;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from ctypes import byref, c_double
+from ctypes import byref, c_double, c_int
 from functools import cache
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.linalg import qr
 
 import lagcli
 from lagcli.arrays import Array
+from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import Arguments
 from lagcli.engine.integrate.prepared import prepare
 from lagcli.engine.integrate.run import Integration
@@ -115,6 +116,13 @@ class Watched(Integration):
         """Return whether a step to a state at rest approaches a singular configuration."""
         y = Arguments().doubles([*q, *np.zeros(len(q) + 1)])
         return bool(parts.lag_part_approaches(self.core._run, 0.0, y))
+
+    def follow(self, t: float, w: float) -> tuple[Status, float, bool]:
+        """Return what a step of `TWO_ROWS` to an angle between the rows returns, the limit of the
+        next step, and whether the state is near a singular configuration."""
+        y, limit, near = Arguments().doubles(angle(w, 1.0)), c_double(), c_int()
+        status = parts.lag_part_follow_approach(self.core._run, t, y, byref(limit), byref(near))
+        return Status(status), limit.value, bool(near.value)
 
     def matrices(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return M and B."""
@@ -640,6 +648,85 @@ def test_what_is_near_is_so_beside_the_largest_value_of_all_steps() -> None:
         assert not over
         near.append(found[3])
     assert near == [0, 0, 1, 1]
+
+
+def weakest(w: float) -> float:
+    """Return the least singular value of `TWO_ROWS`: of two unit vectors with an angle of w."""
+    return (1.0 - abs(float(np.cos(w)))) ** 0.5
+
+
+#: As long rows as those of `TWO_ROWS`, one of which is another's double.
+REDUNDANT = TWO_ROWS.replace("  two:", "  again: 2*x = 0\n  two:")
+
+
+@pytest.mark.parametrize(
+    ("text", "solution"), [*((TWO_ROWS, s) for s in SOLUTIONS), (REDUNDANT, "densely")]
+)
+def test_steps_towards_a_singular_configuration_are_limited(text: str, solution: str) -> None:
+    """Below a fifth of the largest value, each reduces it by a fiftieth of the largest at most;
+    below a twenty-fifth, the path ahead is to be examined."""
+    rng = np.random.default_rng(len(text))
+    asked = 0
+    for _ in range(40):
+        watched = Watched(text, solution)
+        largest, t, last, before = weakest(1.0), 0.0, 1.0, []
+        examined, approaching, pivot = np.inf, False, np.sin(1.0)
+        while last > 1e-3:
+            # now and then away from it
+            away = rng.uniform(size=2)
+            w = last * (rng.uniform(1.0, 1.2) if away[0] < 0.05 else rng.uniform(0.6, 0.99))
+            h = 10 ** rng.uniform(-3, 1)
+            status, limit, near = watched.follow(t + h, w)
+            value, fall = weakest(w), weakest(last) - weakest(w)
+            assert near == (value < 0.2 * largest)
+            pivot = max(pivot, np.sin(w))
+            if not np.sin(w) < min(np.sin(last), 0.3 * pivot):
+                assert limit == np.inf
+                approaching, examined = False, np.inf
+            else:
+                before = [*(before if approaching else [(t, last)]), (t + h, w)][-4:]
+                approaching = True
+                found = watched.core.approach()
+                np.testing.assert_array_equal([s for s, _ in found], [s for s, _ in before])
+                np.testing.assert_array_equal([y[2] for _, y in found], [s for _, s in before])
+                expected = 0.02 * largest * h / fall if near else np.inf
+                assert limit == pytest.approx(expected, rel=1e-3)
+                ask = value < min(0.04 * largest, 0.85 * examined)
+                assert status == (Status.NEAR if ask else Status.RUNNING)
+                if ask:
+                    examined = value
+                    asked += 1
+            t, last = t + h, w
+    assert asked > 40
+
+
+@pytest.mark.parametrize(("part", "rtol", "stuck"), [
+    (1e-6, 1e-9, True), (0.02, 1e-9, False), (1e-6, 1e-3, False),
+])  # fmt: skip
+def test_steps_without_progress_are_limited_by_rounding_errors(
+    part: float, rtol: float, stuck: bool
+) -> None:
+    """At a least value of 5e-6, those of a are 1e-5; each step covers a part of what is left."""
+    text = TWO_ROWS.replace("initial:", f"simulation: {{rtol: {rtol}}}\ninitial:")
+    watched = Watched(text, "unrolled")
+    found = []
+    for k in range(60):
+        # not below 1e-7, where the products of rows are rounding errors
+        status, _, _ = watched.follow(0.1 + 1e-3 * k, 1e-5 * (1 - part) ** k)
+        found.append(status)
+    assert Status.RUNNING in found
+    assert (Status.FLOOR in found) == stuck
+    if stuck:
+        assert found.index(Status.FLOOR) == 20
+
+
+def test_what_is_near_is_relative_to_values_after_the_start() -> None:
+    """A run that begins next to a singular configuration, and leaves it."""
+    watched = Watched(TWO_ROWS.replace("w: 1,", "w: 0.01,"), "unrolled")
+    for k, w in enumerate((0.02, 0.05, 0.1, 0.3, 0.9, 1.5, 1.0, 0.12)):
+        _, limit, near = watched.follow(0.1 + k, w)
+        assert near == (w == 0.12)
+        assert (limit < np.inf) == near
 
 
 @pytest.mark.parametrize("kind", ["", "explicit in t", "redundant"])

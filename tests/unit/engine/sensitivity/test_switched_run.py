@@ -385,7 +385,7 @@ def test_a_path_near_a_singular_configuration_has_room_for_the_derivatives(
     run = lagcli.simulate(
         lagcli.load_text("""
 coordinates: [phi, psi]
-parameters: {r: 1, l: 1.02, J: 1}
+parameters: {r: 1, l: 1.0001, J: 1}
 T: J*phi'^2/2 + psi'^2/20
 constraints: {guide: r*sin(phi) = l*sin(psi)}
 events: {turn: {when: phi > 1, record: true}}
