@@ -1,5 +1,6 @@
 #include "fmi/start.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -7,6 +8,8 @@
 #include "linear/dense.h"
 
 #define ITERATIONS 200      /* Newton steps */
+#define WEIGHTED 30         /* number of those of least length by M after which plain ones are taken: where a light part
+                             * could close a gap, they move it far */
 #define HALVINGS 30         /* of one that does not reduce the residual */
 #define RESIDUAL 1e-15      /* of the constraint's scale: end of the search */
 #define ACCEPTED 1e-10      /* of the scale: largest residual of a state that counts as consistent */
@@ -40,6 +43,7 @@ int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
     s->sizes = lag_doubles(pool, nq);
     s->x = lag_doubles(pool, nq);
     s->guess = lag_doubles(pool, nq);
+    s->begin = lag_doubles(pool, nq);
     s->tried = lag_doubles(pool, nq);
     s->held = lag_get(pool, (size_t)nq, sizeof *s->held);
     s->unit = lag_doubles(pool, nq);
@@ -356,9 +360,9 @@ static void write_lengths(lag_start_search *s, int m)
 }
 
 /* The least change x of the unknowns, in their units, by which m rows become `right`, as well as possible where they depend
- * on each other: where a singular value of the rows over their lengths is less than `least`; q where they are velocities. M has been
- * evaluated. */
-static void find_least_change(lag_start_search *s, int m, double least, const double *q)
+ * on each other: where a singular value of the rows over their lengths is less than `least`; q where they are velocities. By M,
+ * which has been evaluated, if it is `weighted`, or by the units. */
+static void find_least_change(lag_start_search *s, int m, double least, const double *q, int weighted)
 {
     const int nq = s->equations.nq;
     for (int i = 0; i < m; ++i) {
@@ -373,7 +377,7 @@ static void find_least_change(lag_start_search *s, int m, double least, const do
     int rank = orthogonalize(CERTAINLY, m, nq, s->tested, s->lengths);
     if (rank < m)
         rank = combine(least, m, nq, s->rows, s->right);
-    if (rank && (weigh(s, q) || solve_least(s, rank, 1)))
+    if (rank && (!weighted || weigh(s, q) || solve_least(s, rank, 1)))
         solve_least(s, rank, 0);
 }
 
@@ -516,13 +520,15 @@ static double reach(lag_start_search *s, const double *q)
 
 /* positions and velocities */
 
-/* Take Newton steps towards phi = 0. Returns a lag_start_status: LAG_START_CONTRADICTED where they do not reach it. */
-static int descend(lag_start_search *s, double t, const int *fixed, double *y)
+/* Take at most so many Newton steps towards phi = 0, each the least by M or by the units; whether there are more goes to
+ * `slow`. Returns a lag_start_status: LAG_START_CONTRADICTED where they do not reach it. */
+static int descend(lag_start_search *s, double t, const int *fixed, double *y, int most, int weighted, int *slow)
 {
     const lag_equations *e = &s->equations;
     const int nq = e->nq;
+    int steps = 0;
     double residual = position_residual(s, t, y, 0);
-    for (int iteration = 0; iteration < ITERATIONS && residual > RESIDUAL; ++iteration) {
+    for (; steps < most && residual > RESIDUAL; ++steps) {
         if (!isfinite(residual))
             return LAG_START_UNDEFINED;
         if (measure(s, t, y))
@@ -535,7 +541,7 @@ static int descend(lag_start_search *s, double t, const int *fixed, double *y)
             s->right[i] = -OUT(&s->constraint, i);
         }
         write_lengths(s, e->nh); /* of what can be changed: next to a double root, all of it is small */
-        find_least_change(s, e->nh, INDEPENDENT, NULL);
+        find_least_change(s, e->nh, INDEPENDENT, NULL, weighted);
         double longest = 0.0, part = 1.0;
         for (int j = 0; j < nq; ++j)
             longest = fmax(longest, fabs(s->x[j]) / size);
@@ -557,6 +563,7 @@ static int descend(lag_start_search *s, double t, const int *fixed, double *y)
         }
         residual = position_residual(s, t, y, 0);
     }
+    *slow = steps == most;
     return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
 }
 
@@ -572,9 +579,24 @@ static int find_positions(lag_start_search *s, double t, const int *fixed, doubl
     for (size_t i = 0; i < sizeof aside / sizeof *aside && found == LAG_START_CONTRADICTED; ++i) {
         for (int j = 0; j < nq; ++j)
             y[j] = s->held[j] || !i ? s->guess[j] : s->guess[j] + aside[i] * size * s->unit[j] * cos(1.0 + j);
-        found = descend(s, t, fixed, y);
+        int slow = 0;
+        memcpy(s->begin, y, (size_t)nq * sizeof *y);
+        found = descend(s, t, fixed, y, WEIGHTED, 1, &slow);
+        if (slow) {
+            memcpy(y, s->begin, (size_t)nq * sizeof *y);
+            found = descend(s, t, fixed, y, ITERATIONS, 0, &slow);
+        }
     }
     return found;
+}
+
+/* The largest of n outputs. */
+static double largest_value(const lag_start_search *s, int first, int n)
+{
+    double largest = 0.0;
+    for (int i = 0; i < n; ++i)
+        largest = fmax(largest, fabs(OUT(&s->constraint, first + i)));
+    return largest;
 }
 
 /* Move the free velocities towards psi = 0; with `hardly`, not by those that hardly change it. */
@@ -603,7 +625,7 @@ static int change_velocities(lag_start_search *s, double t, const int *fixed, do
             write_lengths(s, e->nc);
         for (int i = 0; i < e->nc; ++i)
             s->right[i] = -OUT(&s->constraint, first + i);
-        find_least_change(s, e->nc, hardly ? INDEPENDENT : OF_RANK, y);
+        find_least_change(s, e->nc, hardly ? INDEPENDENT : OF_RANK, y, 1);
         for (int j = 0; j < nq; ++j)
             s->x[j] *= s->unit[j];
         for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin)
@@ -614,7 +636,8 @@ static int change_velocities(lag_start_search *s, double t, const int *fixed, do
         for (int j = 0; j < nq; ++j)
             v[j] += s->x[j];
     }
-    return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
+    /* residuals below the normal numbers are rounding errors */
+    return residual <= ACCEPTED || largest_value(s, first, e->nc) <= DBL_MIN ? LAG_START_FOUND : LAG_START_CONTRADICTED;
 }
 
 /* Whether free velocities are large only because they hardly occur in a constraint: in x^2 + y^2 = l^2 at x = l, where y = 0 is

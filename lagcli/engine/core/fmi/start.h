@@ -42,7 +42,7 @@ typedef struct {
     lag_tape constraint, lasting;      /* the constraints that hold at the start, and those of the model */
     double *rows, *right, *lengths;    /* nc * nq, nc, nc */
     double *sizes;                     /* nq: comparable changes of the coordinates */
-    double *x, *guess, *tried;         /* nq: a change of the unknowns, a first guess, a state before a step */
+    double *x, *guess, *begin, *tried; /* nq: a change of the unknowns, a first guess, where steps begin, a state before one */
     int *held;                         /* nq: which unknowns do not change */
     double *unit;                      /* nq: comparable changes of the unknowns */
     double *own, *least, *scale;       /* nc: see residual_at */
