@@ -12,9 +12,9 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.constraints.rates import with_rates
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import row_scale
 from lagcli.engine.lowering.lower import lower

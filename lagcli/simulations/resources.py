@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.engine.constraints.rates import with_rates
 from lagcli.engine.contract import Stop
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
-from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.sensitivity.switched_run import METHOD, arranged, directional_programs

@@ -20,8 +20,6 @@ from lagcli.simulations.sensitivity import Sensitivity
 _GUESSES = 3
 #: Largest number of free coordinates: a large mechanism has more assemblies than guesses find.
 _MOST = 50
-#: Newton steps from a guess: a solution nearby needs five to ten.
-_STEPS = 20
 #: Difference of two assemblies over the reach of a coordinate, below which they are the same.
 _SAME = 1e-6
 #: Change of φ along a whole turn, relative to its terms, for which a coordinate is an angle.
@@ -67,7 +65,7 @@ class Assemblies:
             q = own.state.q.copy()
             q[self.free] += point * reach[self.free]
             try:
-                q, _ = search.descend(q, own.state.v, _STEPS)
+                q = search.positions(q, own.state.v)
                 whole = np.round((q - given.q) / (2 * np.pi))
                 q = np.where(turning, q - 2 * np.pi * whole, q)
                 near = own._replace(state=own.state._replace(q=q))

@@ -9,11 +9,16 @@ reported.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, Indices, rank_of
+from lagcli.arrays import Array, Flags, rank_of
+from lagcli.engine.constraints.rates import constraint_program
+from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.core.start_search import CoreSearch
+from lagcli.engine.core.status import StartStatus
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.dense import decompose
@@ -27,24 +32,13 @@ Level = Literal["position", "velocity"]
 #: Fixed values may violate a constraint by this part of its scale, because they are given with a
 #: limited number of digits. The first projection removes the residual.
 ACCEPTED = 1e-10
-REACHED = 1e-15  # of the constraint's scale: end of the iteration
-_ITERATIONS = 200
-#: Number of steps of least M-weighted length after which plain steps are taken: where a light part
-#: could close a gap, they move it far.
-_WEIGHTED = 30
-#: Residuals below the normal numbers are rounding errors, of any relative size.
-_LEAST = float(np.finfo(float).tiny)
-#: Part of a row of B below which free velocities do not satisfy it: a double root of φ is known to
-#: about 1e-8 only.
-_HARDLY = 1e-6
+#: Accuracy of a constraint, of its scale, at the end of the search.
+REACHED = 1e-15
 _LARGE = 60  # number of unknowns above which regularity is first tested by sparse elimination
 REGULAR = 1e-6  # smallest pivot of a regular matrix with entries of order one
-#: If all terms of the guess must vanish, residuals are compared with this part of the guess's
-#: scale.
+#: Part of a constraint's scale at the guess that its scale is, at least.
 OF_GUESS = 1e-5
 _ROUNDING = 1e-14  # of an angular velocity, of its largest component
-LONGEST = 2.0  # of the coordinates' size: longest step
-_ASIDE = (1e-3, 0.1)  # of the coordinates' size: displacements of a guess without a solution
 
 
 class ConsistentState(NamedTuple):
@@ -220,7 +214,7 @@ class ConsistentSearch:
         rows = set(self.held)
         self.places = [k for k, i in enumerate(self.system.holonomic) if i in rows]
         self.holonomic = [self.system.holonomic[k] for k in self.places]
-        self.of_guess: Array | None = None  # of the first scales of positions
+        self.of_guess: Array | None = None  # least scales of positions, by those at the guess
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
         """Return the state, with the rank of B."""
@@ -306,25 +300,25 @@ class ConsistentSearch:
             raise UndefinedStart(self.evaluator.state(self.t, q, v))
         return c
 
+    @cached_property
+    def core(self) -> CoreSearch:
+        """The search in the core."""
+        spins = [(spin.places, spin.fixed) for spin in self.spins]
+        return CoreSearch(self.system, *_programs(self.system), spins)
+
     def positions(self, q: Array, v: Array) -> Array:
         """Return q on φ = 0; may raise `NoConsistentState`."""
         if not self.holonomic:
             return q
-        for aside in (0.0, *_ASIDE):
-            # at a singular guess (a rod of length 0) the constraints give no direction; a
-            # displacement shows whether they do nearby
-            guess = self.aside(q, v, aside) if aside else q
-            solution, slow = self.descend(guess, v, _WEIGHTED)
-            if slow:
-                solution, _ = self.descend(guess, v, _ITERATIONS, weighted=False)
-            phi, scale, _ = self.residual(solution, v)
-            if np.abs(phi / scale).max() <= ACCEPTED:
-                return solution
-            if aside == 0.0:
-                first = solution
-        phi, scale, jacobian = self.residual(first, v)
-        sizes = self.evaluator.sizes(self.t, first, v)
-        raise self.failure("position", first, phi, scale, np.asarray(jacobian), sizes)
+        status, found = self.core.positions(self.t, self.evaluator.p, self.held, self.fixed_q, q, v)
+        self.of_guess = self.core.least_scales[self.holonomic]
+        if status == StartStatus.UNDEFINED:
+            raise UndefinedStart(self.evaluator.state(self.t, found, v))
+        if status == StartStatus.CONTRADICTED:
+            phi, scale, jacobian = self.residual(found, v)
+            sizes = self.evaluator.sizes(self.t, found, v)
+            raise self.failure("position", found, phi, scale, np.asarray(jacobian), sizes)
+        return found
 
     def check_gradients(self, c: Constraints[Array | SparseRows], q: Array, v: Array) -> None:
         """Raise an error if the gradient of a constraint has no direction.
@@ -353,146 +347,27 @@ class ConsistentSearch:
         if turned:
             raise VanishingGradient(turned)
 
-    def aside(self, q: Array, v: Array, part: float) -> Array:
-        """Return a guess with its free coordinates displaced by different fractions of their
-        size."""
-        return q + np.where(self.fixed_q, 0.0, part * apart(self.size(q, v)))
-
-    def size(self, q: Array, v: Array) -> Array:
-        """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate.
-
-        If all are zero, those that change the constraints by their terms.
-        """
-        c = self.evaluator.constraint_rows(self.t, q, v)
-        sizes = self.evaluator.sizes(self.t, q, v)
-        size = largest(q, sizes)
-        if not size:
-            length = dense.row_scale(np.asarray(c.jacobian[self.holonomic] * sizes))
-            size = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
-        return np.asarray(size * sizes)
-
-    def descend(self, q: Array, v: Array, most: int, weighted: bool = True) -> tuple[Array, bool]:
-        """Return the result of damped Gauss–Newton steps of least length, and whether there are
-        more of them.
-
-        Parameters
-        ----------
-        q, v : (nq,) arrays
-            Guess.
-        most : int
-            Number of steps.
-        weighted : bool
-            Whether M weights the length, or the sizes of the coordinates do.
-        """
-        free = np.flatnonzero(~self.fixed_q)
-        phi, scale, jacobian = self.residual(q, v)
-        for _ in range(most):
-            if np.abs(phi / scale).max() <= REACHED or not len(free):
-                return q, False
-            part = np.asarray(jacobian)[:, free]
-            size = self.size(q, v)
-            # near a singular point of the free Jacobian a full step would be too long: reduce its
-            # rank
-            rank = dense.count_rank(part, 1e-6, sizes=size[free])
-            weight = self.weight(q, v, free) if weighted else None
-            step = dense.least_change(part, phi, weight, rank, sizes=size[free])
-            # a step longer than the model's size indicates a bad direction
-            length = np.abs(step / size[free]).max()
-            step *= min(1.0, LONGEST / length) if length else 1.0
-            trial = self.search(q, v, free, step, phi, scale)
-            if trial is None:
-                return q, False
-            q = trial
-            phi, scale, jacobian = self.residual(q, v)
-        return q, True
-
-    def search(
-        self, q: Array, v: Array, free: Indices, step: Array, phi: Array, scale: Array
-    ) -> Array | None:
-        """Halve the step until the residual falls; None if it does not."""
-        before = np.linalg.norm(phi / scale)
-        for halving in range(30):
-            trial = q.copy()
-            trial[free] += step * 0.5**halving
-            try:
-                phi = self.constraints(trial, v).position[self.places]
-            except UndefinedStart:
-                continue
-            if np.linalg.norm(phi / scale) < before:
-                return trial
-        return None
-
-    def weight(self, q: Array, v: Array, free: Indices) -> Array | None:
-        """Return M of the free coordinates; None if it is undefined."""
-        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
-        return mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
-
     # velocities
 
     def velocities(self, q: Array, v: Array) -> Array:
         """Return v on ψ = 0; may raise `NoConsistentState`."""
         if not self.held:
             return v
-        solution, residual, scale, jacobian = self.least_velocities(q, v.copy())
-        if self.hardly(q, v, solution):
-            solution, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
-        if (np.abs(residual) > np.maximum(ACCEPTED * scale, _LEAST)).any():
-            rows = np.asarray(jacobian)
+        status, found = self.core.velocities(
+            self.t, self.evaluator.p, self.held, self.fixed_v, q, v
+        )
+        if status == StartStatus.UNDEFINED:
+            raise UndefinedStart(self.evaluator.state(self.t, q, found))
+        if status == StartStatus.CONTRADICTED:
+            c = self.evaluator.constraint_rows(self.t, q, found)
+            residual, rows = c.velocity(found)[self.held], np.asarray(c.jacobian[self.held])
             if self.accuracy is None or (np.abs(residual) > np.abs(rows) @ self.accuracy).any():
-                sizes = self.evaluator.sizes(self.t, q, v)
+                inertia = self.evaluator.inertia(self.t, q, found)
+                scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, rows, found))
+                scale = usable(np.maximum(scale, self.core.least_scales[self.held]))
+                sizes = self.evaluator.sizes(self.t, q, found)
                 raise self.failure("velocity", q, residual, scale, rows, sizes)
-        return solution
-
-    def least_velocities(
-        self, q: Array, v: Array, hardly: float | None = None
-    ) -> tuple[Array, Array, Array, Array | SparseRows]:
-        """Return v with the least residual, ψ, its scale and B.
-
-        With ``hardly``, free velocities do not change rows by which they are multiplied with less
-        than this part of the row.
-        """
-        # linear, except for a few constraints: the later steps remove rounding errors
-        steps = _ITERATIONS if self.system.nonlinear else 4
-        of_guess: Array | None = None
-        for left in reversed(range(steps)):
-            c = self.evaluator.constraint_rows(self.t, q, v)
-            if not c.finite:
-                raise UndefinedStart(self.evaluator.state(self.t, q, v))
-            psi, jacobian = c.velocity(v)[self.held], c.jacobian[self.held]
-            inertia = self.evaluator.inertia(self.t, q, v)
-            scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, jacobian, v))
-            if of_guess is None:
-                of_guess = OF_GUESS * scale
-            scale = usable(np.maximum(scale, of_guess))
-            if np.abs(psi / scale).max() <= REACHED or not left:
-                break
-            free = free_directions(self.spins, self.fixed_v, q)
-            if not free.shape[1]:
-                break
-            part = along(np.asarray(jacobian), free)
-            sizes, lengths = self.evaluator.sizes(self.t, q, v), None
-            if hardly is not None:
-                lengths = usable(lengths_of_rows(jacobian, sizes))
-            own = 1 / usable(lengths_of_rows(free.T, 1 / sizes))
-            rank = dense.count_rank(part, hardly or dense.RANK_TOLERANCE, lengths, own)
-            mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
-            weight = free.T @ mass @ free if np.isfinite(mass).all() else None
-            v += free @ dense.least_change(part, psi, weight, rank, lengths, own)
-        return v, psi, scale, jacobian
-
-    def hardly(self, q: Array, given: Array, solution: Array) -> bool:
-        """Return whether free velocities are large only because they hardly occur in a constraint.
-
-        In x² + y² = l² at x = l, where y = 0 is known to 1e-8, another x' than 0 would need
-        y' = -1e8 x'.
-        """
-        if not self.fixed_v.any() and not any(any(spin.fixed) for spin in self.spins):
-            return False
-        c = self.evaluator.constraint_rows(self.t, q, given)
-        sizes = self.evaluator.sizes(self.t, q, given)
-        lengths = usable(lengths_of_rows(c.jacobian[self.held], sizes))
-        before = max(largest(given, sizes), np.abs(c.drift[self.held] / lengths).max())
-        return largest(solution, sizes) > before / _HARDLY
+        return found
 
     def failure(
         self, level: Level, q: Array, residual: Array, scale: Array, jacobian: Array, sizes: Array
@@ -545,6 +420,14 @@ def _held(jacobian: Array, fixed: Flags) -> Flags:
         free[i] = True
         held[i] = rank_of(jacobian[:, free]) > without
     return held
+
+
+@lru_cache(maxsize=4)
+def _programs(system: System) -> tuple[Program, Program]:
+    """Return the programs of the constraints with their rates, and of the entries of M."""
+    masses = system.dynamics_layout.mass_matrix
+    mass = system.dynamics.selected(range(masses.start, masses.stop))
+    return constraint_program(system), assemble(mass, system.families)
 
 
 _NOTHING = 1e-14  # of the terms of a product

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR, Spin
+from lagcli.engine.constraints.initial import ACCEPTED, OF_GUESS, REACHED, REGULAR, Spin
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
@@ -16,6 +16,7 @@ from lagcli.engine.system import Pattern, System
 
 _ITERATIONS = 50
 _HALVINGS = 30
+_LONGEST = 2.0  # of the coordinates' size: longest step
 _STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be too long
 #: Singular values of redundant rows between these may count as zero or not.
 _DOUBTFUL = (1e-9, 1e-5)
@@ -203,7 +204,7 @@ class _StartSearch:
             sizes = self.sizes(mass, b)
             step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
             length = np.abs(step / sizes[:, free]).max(axis=1)
-            size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
+            size = _LONGEST * np.abs(q[rows] / sizes).max(axis=1)
             usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms decide
             step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
             ordinary[rows[~usual]] = going[rows[~usual]] = False

@@ -12,7 +12,7 @@ from enum import IntEnum
 from functools import partial
 
 from lagcli.engine.core.settings import CORE_SETTINGS, c_type
-from lagcli.engine.core.status import LaneStatus, Status
+from lagcli.engine.core.status import LaneStatus, StartStatus, Status
 from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
 from lagcli.engine.tape.operations import (
     ARITY,
@@ -140,6 +140,7 @@ def _tables() -> str:
         _define("LAG_SERIES_OPERANDS", _list(len(op.operands) for op in SeriesOp)),
         _enum("lag_status", "LAG_", Status, (s.sentence for s in Status)),
         _enum("lag_lane_status", "LAG_LANE_", LaneStatus, (s.sentence for s in LaneStatus)),
+        _enum("lag_start_status", "LAG_START_", StartStatus, (s.sentence for s in StartStatus)),
     ]
     return _TABLES.format(parts="\n".join(parts))
 

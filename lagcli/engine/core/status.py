@@ -58,3 +58,14 @@ class LaneStatus(_Described):
     UNDER_WAY = "a lane has the run"
     DONE = "t_end is reached"
     LEFT = "the run must be repeated by itself, from its start"
+
+
+class StartStatus(_Described):
+    """Result of a search for a consistent initial state."""
+
+    FOUND = "a consistent state was found"
+    CONTRADICTED = "no values of the free entries satisfy the constraints nearby"
+    UNDEFINED = "the constraints have no finite value"
+    SINGULAR = "the rank of B is not that of the data"
+    UNTURNED = "a quaternion whose angular velocity is given is 0: no orientation"
+    NO_MEMORY = "there is no memory"

@@ -18,9 +18,9 @@ from functools import lru_cache
 from typing import NamedTuple, TypeGuard
 
 from lagcli.arrays import Array
+from lagcli.engine.constraints.rates import constraint_program
 from lagcli.engine.core.program import LONG, Program, assemble
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import independent_rows
 from lagcli.engine.linear.elimination import (
     MOST_FOR_EACH,
@@ -32,7 +32,7 @@ from lagcli.engine.linear.elimination import (
 )
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
-from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
+from lagcli.engine.tape.tape import Builder, Tape
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
@@ -111,7 +111,7 @@ def prepare(
     if known is not None and known.serves(elimination):
         return known
     if known is None:
-        constraint, tangent, plain = assemble(with_rates(system), system.families), None, None
+        constraint, tangent, plain = constraint_program(system), None, None
         if system.tangent is not None:
             tangent = _tangent(system)
     else:
@@ -337,25 +337,3 @@ def _branches(
             else:
                 used[x] = builder.emit(Op.OR, used[x], where) if x in used else where
     return {x: where for x, where in used.items() if x not in always}
-
-
-def with_rates(system: System) -> Tape:
-    """Append ψ (nc) to the constraint tape.
-
-    Output subsets are φ with its scale, and B, ψ and its scale.
-    """
-    given, layout = system.constraint, system.constraint_layout
-    v = system.sample_layout.v.start
-    builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
-    outputs = builder.extend(given)
-    rates = outputs[layout.drift]
-    for (i, j), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):
-        rates[i] = builder.plus(rates[i], builder.times(x, v + j))
-    extended, places = RatesLayout(system.counts), range(len(outputs) + len(rates))
-    positions = *places[layout.position], *places[layout.position_scale]
-    velocities = (
-        *places[layout.jacobian],
-        *places[layout.velocity_scale],
-        *places[extended.velocity],
-    )
-    return builder.finish([*outputs, *rates], output_subsets=(positions, velocities))

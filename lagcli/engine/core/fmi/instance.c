@@ -269,8 +269,14 @@ static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const 
     fmu->held = lag_doubles(&fmu->pool, m->equations.np);
     fmu->row = lag_doubles(&fmu->pool, 2 + 3 * (int64_t)nq + fmu->nc);
     fmu->values = lag_doubles(&fmu->pool, fmu->count);
-    if (lag_start_bind(&fmu->pool, &fmu->search, m))
+    const int with_whole = LAG_MODEL_UNROLLED | LAG_MODEL_RECURSIVE;
+    fmu->search.dynamics_program = (m->contents & with_whole) == LAG_MODEL_UNROLLED ? m->unrolled : m->dynamics;
+    fmu->search.np = m->equations.np;
+    fmu->search.first_branch = m->rules.first_branch;
+    lag_bind_program(&fmu->pool, &fmu->lasting, &m->equations.constraint, LAG_PORTABLE);
+    if (lag_start_bind(&fmu->pool, &fmu->search, m->equations.nc))
         return lag_fmu_fail(fmu, "there is no memory");
+    fmu->lasting.parameters = fmu->lasting.registers + m->equations.constraint.inputs - m->equations.np;
     lag_fmu_reset(fmu);
     return 0;
 }
@@ -421,6 +427,18 @@ static int is_nominal(const lag_fmu *fmu)
     return fmu->started_at == p->t;
 }
 
+/* Measure the rows of B of the run at its start; returns their rank. */
+static int measure_rows(lag_fmu *fmu)
+{
+    const lag_equations *e = &fmu->model.equations;
+    lag_tape *tape = &fmu->lasting;
+    lag_tape_set(tape, e->np, fmu->parameters);
+    tape->registers[0] = fmu->started_at;
+    memcpy(tape->registers + 1, fmu->y, 2 * (size_t)fmu->nq * sizeof *fmu->y);
+    lag_tape_run(tape, &tape->stream);
+    return lag_start_rank(&fmu->search, e, tape, fmu->model.problem.sizes, fmu->lengths, fmu->plain_lengths);
+}
+
 int lag_fmu_prepare(lag_fmu *fmu)
 {
     lag_model model = fmu->model;
@@ -433,8 +451,9 @@ int lag_fmu_prepare(lag_fmu *fmu)
         memcpy(fmu->y, nominal->y, (2 * (size_t)fmu->nq + 1) * sizeof(double));
     } else {
         if (found == LAG_START_FOUND)
-            found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y, fmu->lengths,
-                                   fmu->plain_lengths);
+            found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y);
+        if (found == LAG_START_FOUND && measure_rows(fmu) != nominal->rank)
+            found = LAG_START_SINGULAR;
         if (found == LAG_START_CONTRADICTED)
             return lag_fmu_fail(fmu, "the initial values that are set do not satisfy the constraints");
         if (found == LAG_START_UNDEFINED)

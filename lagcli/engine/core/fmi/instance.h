@@ -28,7 +28,8 @@
 #ifndef LAGCLI_INSTANCE_H
 #define LAGCLI_INSTANCE_H
 
-#include "fmi/start.h"
+#include "lagmodel.h"
+#include "start/start.h"
 
 #define LAG_VALUES_MAGIC 0x3265756c61766c6c /* "llvalue2" where the lowest byte is the first */
 
@@ -76,6 +77,7 @@ typedef struct {
     lag_model model;
     const lag_method *method;
     lag_start_search search;
+    lag_tape lasting;                  /* the constraints of the run */
     lag_simulation *simulation;        /* NULL until it is needed */
     lag_tape start, columns;           /* the programs */
     lag_program columns_program;

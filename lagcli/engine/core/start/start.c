@@ -1,4 +1,4 @@
-#include "fmi/start.h"
+#include "start/start.h"
 
 #include <float.h>
 #include <math.h>
@@ -15,54 +15,56 @@
 #define ACCEPTED 1e-10      /* of the scale: largest residual of a state that counts as consistent */
 #define INDEPENDENT 1e-6    /* part of a row that is independent where it is used, at least; below it, velocities hardly change it */
 #define LEAST_PART 1e-3     /* as in engine/scales.py: part of the size of the state that a scale is, at least */
+#define ROUNDING DBL_MIN    /* residuals below the normal numbers are rounding errors, of any relative size */
 #define OF_GUESS 1e-5       /* part of the scale at the guess that a scale is, at least */
 #define OF_RANK 1e-8        /* part of a row that is independent of the rows before it, at least */
 #define CERTAINLY 1e-3      /* part of a row that is independent of those before it, for rows that need no singular values */
 #define SWEEPS 60           /* of rotations; some ten suffice */
 #define ORTHOGONAL 1e-15    /* a product of rows, of their lengths */
 #define NOTHING 1e-14       /* part of its terms that a sum is, at least, unless it vanishes */
+#define SPIN 7              /* numbers of a spin */
 #define LONGEST 2.0         /* of the coordinates' size: longest step */
 static const double aside[] = {0.0, 1e-3, 0.1}; /* of it: displacements of a guess without a solution */
 
-static void bind_constraints(lag_pool *pool, lag_tape *tape, const lag_equations *e)
+int lag_start_bind(lag_pool *pool, lag_start_search *s, int rows)
 {
-    lag_bind_program(pool, tape, &e->constraint, LAG_PORTABLE);
-    if (!pool->failed)
-        tape->parameters = tape->registers + e->constraint.inputs - e->np;
-}
-
-int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
-{
-    const int nq = model->equations.nq;
-    const int nc = s->equations.nc > model->equations.nc ? s->equations.nc : model->equations.nc;
-    s->model = model;
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq, nc = e->nc > rows ? e->nc : rows;
     s->pool = pool;
+    s->all = lag_get(pool, (size_t)nc + 1, sizeof *s->all);
+    s->place = lag_get(pool, (size_t)nc + 1, sizeof *s->place);
     s->rows = lag_doubles(pool, (int64_t)nc * nq);
     s->right = lag_doubles(pool, nc);
     s->lengths = lag_doubles(pool, nc);
     s->sizes = lag_doubles(pool, nq);
+    s->inertia = lag_doubles(pool, nq);
     s->x = lag_doubles(pool, nq);
     s->guess = lag_doubles(pool, nq);
     s->begin = lag_doubles(pool, nq);
     s->tried = lag_doubles(pool, nq);
-    s->held = lag_get(pool, (size_t)nq, sizeof *s->held);
+    s->nearest = lag_doubles(pool, nq);
+    s->fixed = lag_get(pool, (size_t)nq, sizeof *s->fixed);
     s->unit = lag_doubles(pool, nq);
     s->own = lag_doubles(pool, nc);
     s->least = lag_doubles(pool, nc);
     s->scale = lag_doubles(pool, nc);
-    bind_constraints(pool, &s->constraint, &s->equations);
-    bind_constraints(pool, &s->lasting, &model->equations);
-    return pool->failed;
+    lag_bind_program(pool, &s->constraint, &e->constraint, LAG_PORTABLE);
+    if (pool->failed)
+        return 1;
+    s->constraint.parameters = s->constraint.registers + e->constraint.inputs - e->np;
+    for (int i = 0; i < e->nc; ++i) {
+        s->all[i] = 1;
+        s->place[i] = -1;
+    }
+    for (int i = 0; i < e->nh; ++i)
+        s->place[e->holonomic[i]] = i;
+    return 0;
 }
 
 /* What the metric needs. Returns 0, or 1 where there is no memory. */
 static int bind_metric(lag_start_search *s)
 {
-    const lag_equations *e = &s->equations;
-    const int with_metric = LAG_MODEL_UNROLLED | LAG_MODEL_RECURSIVE;
-    const lag_program *dynamics =
-        (s->model->contents & with_metric) == LAG_MODEL_UNROLLED ? &s->model->unrolled : &s->model->dynamics;
-    const int64_t nq = e->nq, nc = e->nc, n = nq + nc;
+    const int64_t nq = s->equations.nq, nc = s->equations.nc, n = nq + nc;
     if (s->measures)
         return 0;
     s->tested = lag_doubles(s->pool, nc * nq);
@@ -70,10 +72,10 @@ static int bind_metric(lag_start_search *s)
     s->matrix = lag_doubles(s->pool, n * n);
     s->solution = lag_doubles(s->pool, n);
     s->pivots = lag_get(s->pool, (size_t)n, sizeof *s->pivots);
-    lag_bind_program(s->pool, &s->dynamics, dynamics, LAG_PORTABLE);
+    lag_bind_program(s->pool, &s->dynamics, &s->dynamics_program, LAG_PORTABLE);
     if (s->pool->failed)
         return 1;
-    s->dynamics.parameters = s->dynamics.registers + dynamics->inputs - s->model->equations.np;
+    s->dynamics.parameters = s->dynamics.registers + s->dynamics_program.inputs - s->np;
     s->measures = 1;
     return 0;
 }
@@ -151,12 +153,12 @@ static void take_spins(const lag_start_search *s, const double *q, double *matri
     }
 }
 
-/* The unknowns of a change of positions, or of velocities at q: which of them are held, and their units. */
+/* The unknowns of a change of positions, or of velocities at q: which of them are fixed, and their units. */
 static void set_unknowns(lag_start_search *s, const int *fixed, const double *q)
 {
     const double *sizes = s->sizes;
     for (int j = 0; j < s->equations.nq; ++j) {
-        s->held[j] = fixed[j];
+        s->fixed[j] = fixed[j];
         s->unit[j] = sizes[j];
     }
     for (const lag_spin *spin = s->spins; q && spin < s->spins + s->spin_count; ++spin) {
@@ -164,12 +166,12 @@ static void set_unknowns(lag_start_search *s, const int *fixed, const double *q)
         if (!spin->given)
             continue;
         rates_of_spin(spin, q, g);
-        s->held[spin->place[3]] = 1;
+        s->fixed[spin->place[3]] = 1;
         for (int k = 0; k < 3; ++k) {
             double square = 0.0;
             for (int i = 0; i < 4; ++i)
                 square += g[i][k] / sizes[spin->place[i]] * (g[i][k] / sizes[spin->place[i]]);
-            s->held[spin->place[k]] = spin->fixed[k];
+            s->fixed[spin->place[k]] = spin->fixed[k];
             s->unit[spin->place[k]] = square > 0.0 ? 1.0 / sqrt(square) : 1.0;
         }
     }
@@ -265,31 +267,67 @@ static int combine(double least, int m, int n, double *a, double *right)
     return rank;
 }
 
-/* Evaluate M at a state, and the sizes of the coordinates there: the inertia of those with the same unit is the largest of them.
- * Sizes where a coordinate has none remain. Returns 0, or 1 where there is no memory. */
-static int measure(lag_start_search *s, double t, const double *y)
+/* Find the sizes of coordinates without inertia, those that make their parts in the rows of B as large as those of others. */
+static void complete_sizes(lag_start_search *s)
 {
     const lag_equations *e = &s->equations;
     const int nq = e->nq;
-    int known = 1;
-    if (bind_metric(s))
-        return 1;
-    double *inertia = s->solution;
+    double *part = s->unit, *square = s->own;
+    for (;;) {
+        int lacking = 0, coupled = 0;
+        memset(part, 0, (size_t)nq * sizeof *part);
+        memset(square, 0, (size_t)e->nc * sizeof *square);
+        for (int i = 0; i < e->nb; ++i) {
+            const double b = OUT(&s->constraint, e->nh + i) * s->sizes[e->jacobian_column[i]];
+            square[e->jacobian_row[i]] += b * b;
+        }
+        for (int i = 0; i < e->nb; ++i) {
+            const int j = e->jacobian_column[i];
+            const double length = sqrt(square[e->jacobian_row[i]]);
+            if (s->sizes[j] == 0.0 && length > 0.0)
+                part[j] = fmax(part[j], fabs(OUT(&s->constraint, e->nh + i)) / length);
+        }
+        for (int j = 0; j < nq; ++j) {
+            lacking |= s->sizes[j] == 0.0;
+            coupled |= part[j] > 0.0;
+        }
+        if (!lacking)
+            return;
+        for (int i = 0; i < e->nb && !coupled; ++i) { /* those that are left are coupled only to each other */
+            const int j = e->jacobian_column[i];
+            part[j] = fmax(part[j], fabs(OUT(&s->constraint, e->nh + i)));
+        }
+        for (int j = 0; j < nq; ++j)
+            if (s->sizes[j] == 0.0 && (part[j] > 0.0 || !coupled))
+                s->sizes[j] = part[j] > 0.0 ? 1.0 / part[j] : 1.0;
+    }
+}
+
+/* Evaluate M at the state of the constraint tape, and the sizes of the coordinates there: the inertia of those with the same
+ * unit is the largest of them. */
+static void measure(lag_start_search *s, double t, const double *y)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq;
+    int lacking = 0;
+    double *largest = s->solution;
     if (!s->renewed)
-        lag_tape_set(&s->dynamics, s->model->equations.np, s->p);
+        lag_tape_set(&s->dynamics, s->np, s->p);
     s->renewed = 1;
     evaluate_tape(s, &s->dynamics, t, y);
-    memset(inertia, 0, (size_t)nq * sizeof *inertia);
+    memset(largest, 0, (size_t)nq * sizeof *largest);
     for (int i = 0; i < e->nm; ++i)
         if (e->mass_row[i] == e->mass_column[i]) {
-            double *largest = inertia + e->unit[e->mass_row[i]];
-            *largest = fmax(*largest, OUT(&s->dynamics, i));
+            double *of_unit = largest + e->unit[e->mass_row[i]];
+            *of_unit = fmax(*of_unit, OUT(&s->dynamics, i));
         }
-    for (int j = 0; j < nq; ++j)
-        known = known && inertia[e->unit[j]] > 0.0 && isfinite(inertia[e->unit[j]]);
-    for (int j = 0; known && j < nq; ++j)
-        s->sizes[j] = 1.0 / sqrt(inertia[e->unit[j]]);
-    return 0;
+    for (int j = 0; j < nq; ++j) {
+        const double inertia = s->inertia[j] = largest[e->unit[j]];
+        s->sizes[j] = inertia > 0.0 && isfinite(inertia) ? 1.0 / sqrt(inertia) : 0.0;
+        lacking |= s->sizes[j] == 0.0;
+    }
+    if (lacking)
+        complete_sizes(s);
 }
 
 /* Write M, as it has been evaluated, of the unknowns, in their units; q where they are velocities. Returns 0, or 1 where it is
@@ -325,11 +363,11 @@ static int solve_least(lag_start_search *s, int rank, int by_mass)
     memset(k, 0, (size_t)n * (size_t)n * sizeof *k);
     memset(z, 0, (size_t)nq * sizeof *z);
     for (int i = 0; i < nq; ++i)
-        if (s->held[i] || !by_mass)
+        if (s->fixed[i] || !by_mass)
             k[i * n + i] = 1.0;
         else
             for (int j = 0; j < nq; ++j)
-                k[i * n + j] = s->held[j] ? 0.0 : s->mass[i * nq + j];
+                k[i * n + j] = s->fixed[j] ? 0.0 : s->mass[i * nq + j];
     for (int r = 0; r < rank; ++r) {
         const double *row = s->rows + r * nq, length = sqrt(product_of(nq, row, row));
         for (int j = 0; j < nq; ++j)
@@ -402,7 +440,7 @@ static void write_rows(lag_start_search *s)
     write_rows_of(s, &s->equations, &s->constraint);
 }
 
-/* The same of the unknowns, in their units, and of those that are not held alone; q where they are velocities. */
+/* The same of the unknowns, in their units, and of those that are not fixed alone; q where they are velocities. */
 static void write_rows_of_unknowns(lag_start_search *s, const double *q)
 {
     const lag_equations *e = &s->equations;
@@ -416,7 +454,7 @@ static void write_rows_of_unknowns(lag_start_search *s, const double *q)
         take_spins(s, q, s->rows, e->nc);
     for (int i = 0; i < e->nc; ++i)
         for (int j = 0; j < nq; ++j)
-            if (s->held[j])
+            if (s->fixed[j])
                 s->rows[i * nq + j] = 0.0;
             else if (q && s->spin_count)
                 s->rows[i * nq + j] *= s->unit[j];
@@ -456,50 +494,69 @@ static double residual_at(lag_start_search *s, int n, int first, int scale, cons
                           int begins)
 {
     const lag_equations *e = &s->equations;
-    const double *sizes = s->sizes;
-    double largest = 0.0, size = largest_in_sizes(s, x);
+    double largest = 0.0, size = 0.0;
+    for (int j = 0; j < e->nq; ++j)
+        size = fmax(size, s->inertia[j] * x[j] * x[j]);
     memset(s->own, 0, (size_t)e->nc * sizeof *s->own);
     memset(s->lengths, 0, (size_t)e->nc * sizeof *s->lengths);
     for (int i = 0; i < e->nb; ++i) {
         const int j = e->jacobian_column[i], row = e->jacobian_row[i];
         const double b = OUT(&s->constraint, e->nh + i);
         s->own[row] += fabs(b * x[j]);
-        s->lengths[row] += b * sizes[j] * b * sizes[j];
+        s->lengths[row] += s->inertia[j] > 0.0 ? b * b / s->inertia[j] : 0.0;
     }
     for (int i = 0; i < n; ++i) {
         const int row = constraint ? constraint[i] : i;
         const double value = OUT(&s->constraint, first + i);
+        s->scale[i] = 1.0;
+        if (!s->holds[row])
+            continue;
         double terms = fmax(OUT(&s->constraint, scale + i), s->own[row]);
-        terms = fmax(terms, LEAST_PART * size * sqrt(s->lengths[row]));
+        terms = fmax(terms, LEAST_PART * sqrt(size) * sqrt(s->lengths[row]));
         if (begins)
             s->least[row] = OF_GUESS * terms;
         terms = fmax(terms, s->least[row]);
-        s->scale[i] = terms > 0.0 ? terms : 1.0;
+        if (terms > 0.0)
+            s->scale[i] = terms;
         if (!isfinite(value))
             return INFINITY;
-        if (value != 0.0)
-            largest = fmax(largest, terms > 0.0 ? fabs(value) / terms : INFINITY);
+        if (fabs(value) > ROUNDING)
+            largest = fmax(largest, fabs(value) / s->scale[i]);
     }
     return largest;
 }
 
-/* That of the positions at a state. */
+/* Whether the rows of B of constraints that hold are finite; those of positions, or all. */
+static int is_defined(const lag_start_search *s, int positions)
+{
+    const lag_equations *e = &s->equations;
+    for (int i = 0; i < e->nb; ++i) {
+        const int row = e->jacobian_row[i];
+        if (s->holds[row] && (!positions || s->place[row] >= 0) && !isfinite(OUT(&s->constraint, e->nh + i)))
+            return 0;
+    }
+    return 1;
+}
+
+/* The largest residual of the positions at a state; INFINITY where it is undefined. */
 static double position_residual(lag_start_search *s, double t, const double *y, int begins)
 {
     const lag_equations *e = &s->equations;
     evaluate(s, t, y);
-    return residual_at(s, e->nh, 0, e->nh + e->nb + e->nc, e->holonomic, y, begins);
+    measure(s, t, y);
+    const double residual = residual_at(s, e->nh, 0, e->nh + e->nb + e->nc, e->holonomic, y, begins);
+    return is_defined(s, 1) ? residual : INFINITY;
 }
 
-/* The squared norm of phi, which the tape holds, over the scales; INFINITY where it is not finite. */
+/* The squared norm of phi, which the tape holds, over the scales; INFINITY where it is undefined. */
 static double norm_over_scales(const lag_start_search *s)
 {
     double sum = 0.0;
     for (int i = 0; i < s->equations.nh; ++i) {
         const double part = OUT(&s->constraint, i) / s->scale[i];
-        sum += part * part;
+        sum += s->holds[s->equations.holonomic[i]] ? part * part : 0.0;
     }
-    return isfinite(sum) ? sum : INFINITY;
+    return isfinite(sum) && is_defined(s, 1) ? sum : INFINITY;
 }
 
 /* The size of the coordinates, in their sizes; where all are 0, that of those by which the constraints change by their terms. */
@@ -513,7 +570,8 @@ static double reach(lag_start_search *s, const double *q)
     write_rows(s);
     for (int i = 0; i < e->nh; ++i) {
         const double length = s->lengths[e->holonomic[i]];
-        size = fmax(size, OUT(&s->constraint, scale + i) / (length > 0.0 ? length : 1.0));
+        if (s->holds[e->holonomic[i]])
+            size = fmax(size, OUT(&s->constraint, scale + i) / (length > 0.0 ? length : 1.0));
     }
     return size > 0.0 ? size : 1.0;
 }
@@ -528,20 +586,22 @@ static int descend(lag_start_search *s, double t, const int *fixed, double *y, i
     const int nq = e->nq;
     int steps = 0;
     double residual = position_residual(s, t, y, 0);
+    *slow = 0;
+    if (!isfinite(residual))
+        return LAG_START_UNDEFINED;
     for (; steps < most && residual > RESIDUAL; ++steps) {
-        if (!isfinite(residual))
-            return LAG_START_UNDEFINED;
-        if (measure(s, t, y))
-            return LAG_START_NO_MEMORY;
+        int m = 0;
         set_unknowns(s, fixed, NULL);
         const double size = reach(s, y);
         write_rows_of_unknowns(s, NULL);
         for (int i = 0; i < e->nh; ++i) {
-            memmove(s->rows + i * nq, s->rows + e->holonomic[i] * nq, (size_t)nq * sizeof *s->rows);
-            s->right[i] = -OUT(&s->constraint, i);
+            if (!s->holds[e->holonomic[i]])
+                continue;
+            memmove(s->rows + m * nq, s->rows + e->holonomic[i] * nq, (size_t)nq * sizeof *s->rows);
+            s->right[m++] = -OUT(&s->constraint, i);
         }
-        write_lengths(s, e->nh); /* of what can be changed: next to a double root, all of it is small */
-        find_least_change(s, e->nh, INDEPENDENT, NULL, weighted);
+        write_lengths(s, m); /* of what can be changed: next to a double root, all of it is small */
+        find_least_change(s, m, INDEPENDENT, NULL, weighted);
         double longest = 0.0, part = 1.0;
         for (int j = 0; j < nq; ++j)
             longest = fmax(longest, fabs(s->x[j]) / size);
@@ -567,36 +627,41 @@ static int descend(lag_start_search *s, double t, const int *fixed, double *y, i
     return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
 }
 
+/* Move a guess beside itself, as its free coordinates allow. */
+static void displace(lag_start_search *s, double t, const int *fixed, double part, double *y)
+{
+    position_residual(s, t, y, 0);
+    set_unknowns(s, fixed, NULL);
+    const double size = reach(s, y);
+    for (int j = 0; j < s->equations.nq; ++j)
+        if (!s->fixed[j])
+            y[j] += part * size * s->unit[j] * cos(1.0 + j);
+}
+
 /* Move the free positions to phi = 0: from the guess, or else from beside it, as next to a singular one. */
 static int find_positions(lag_start_search *s, double t, const int *fixed, double *y)
 {
-    const int nq = s->equations.nq;
+    const size_t size = (size_t)s->equations.nq * sizeof *y;
     int found = LAG_START_CONTRADICTED;
-    set_unknowns(s, fixed, NULL);
-    memcpy(s->guess, y, (size_t)nq * sizeof *y);
+    memcpy(s->guess, y, size);
     position_residual(s, t, y, 1);
-    const double size = reach(s, y);
     for (size_t i = 0; i < sizeof aside / sizeof *aside && found == LAG_START_CONTRADICTED; ++i) {
-        for (int j = 0; j < nq; ++j)
-            y[j] = s->held[j] || !i ? s->guess[j] : s->guess[j] + aside[i] * size * s->unit[j] * cos(1.0 + j);
-        int slow = 0;
-        memcpy(s->begin, y, (size_t)nq * sizeof *y);
+        int slow;
+        memcpy(y, s->guess, size);
+        if (i)
+            displace(s, t, fixed, aside[i], y);
+        memcpy(s->begin, y, size);
         found = descend(s, t, fixed, y, WEIGHTED, 1, &slow);
         if (slow) {
-            memcpy(y, s->begin, (size_t)nq * sizeof *y);
+            memcpy(y, s->begin, size);
             found = descend(s, t, fixed, y, ITERATIONS, 0, &slow);
         }
+        if (!i)
+            memcpy(s->nearest, y, size);
     }
+    if (found == LAG_START_CONTRADICTED)
+        memcpy(y, s->nearest, size);
     return found;
-}
-
-/* The largest of n outputs. */
-static double largest_value(const lag_start_search *s, int first, int n)
-{
-    double largest = 0.0;
-    for (int i = 0; i < n; ++i)
-        largest = fmax(largest, fabs(OUT(&s->constraint, first + i)));
-    return largest;
 }
 
 /* Move the free velocities towards psi = 0; with `hardly`, not by those that hardly change it. */
@@ -606,26 +671,29 @@ static int change_velocities(lag_start_search *s, double t, const int *fixed, do
     const int nq = e->nq, scale = 2 * e->nh + e->nb + e->nc, first = scale + e->nc;
     double residual = INFINITY, *v = y + nq;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
+        int m = 0;
         evaluate(s, t, y);
+        measure(s, t, y);
         const double now = residual_at(s, e->nc, first, scale, NULL, v, iteration == 0);
-        if (!isfinite(now) && iteration == 0)
-            for (int i = 0; i < e->nc; ++i)
-                if (!isfinite(OUT(&s->constraint, first + i)))
-                    return LAG_START_UNDEFINED;
+        if (!isfinite(now) || !is_defined(s, 0))
+            return LAG_START_UNDEFINED;
         if (now <= RESIDUAL || (iteration > 2 && !(now < 0.5 * residual))) {
             residual = fmin(now, residual);
             break;
         }
         residual = now;
-        if (measure(s, t, y))
-            return LAG_START_NO_MEMORY;
         set_unknowns(s, fixed, y);
         write_rows_of_unknowns(s, y);
         if (!hardly)
             write_lengths(s, e->nc);
-        for (int i = 0; i < e->nc; ++i)
-            s->right[i] = -OUT(&s->constraint, first + i);
-        find_least_change(s, e->nc, hardly ? INDEPENDENT : OF_RANK, y, 1);
+        for (int i = 0; i < e->nc; ++i) {
+            if (!s->holds[i])
+                continue;
+            memmove(s->rows + m * nq, s->rows + i * nq, (size_t)nq * sizeof *s->rows);
+            s->lengths[m] = s->lengths[i];
+            s->right[m++] = -OUT(&s->constraint, first + i);
+        }
+        find_least_change(s, m, hardly ? INDEPENDENT : OF_RANK, y, 1);
         for (int j = 0; j < nq; ++j)
             s->x[j] *= s->unit[j];
         for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin)
@@ -636,29 +704,33 @@ static int change_velocities(lag_start_search *s, double t, const int *fixed, do
         for (int j = 0; j < nq; ++j)
             v[j] += s->x[j];
     }
-    /* residuals below the normal numbers are rounding errors */
-    return residual <= ACCEPTED || largest_value(s, first, e->nc) <= DBL_MIN ? LAG_START_FOUND : LAG_START_CONTRADICTED;
+    return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
 }
 
 /* Whether free velocities are large only because they hardly occur in a constraint: in x^2 + y^2 = l^2 at x = l, where y = 0 is
- * known to 1e-8, another x' than 0 would need y' = -1e8 x'. `before` are those of the guess. */
-static int are_hardly(lag_start_search *s, double t, const int *fixed, const double *before, const double *y)
+ * known to 1e-8, another x' than 0 would need y' = -1e8 x'. The guess of the velocities replaces those of y, which go to
+ * s->tried. */
+static int are_hardly(lag_start_search *s, double t, const int *fixed, double *y)
 {
     const lag_equations *e = &s->equations;
     const int nq = e->nq, drift = e->nh + e->nb;
-    double least = largest_in_sizes(s, before);
     int any = 0;
     for (int j = 0; j < nq; ++j)
         any |= fixed[j];
     for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin)
         any |= spin->given && (spin->fixed[0] || spin->fixed[1] || spin->fixed[2]);
+    memcpy(s->tried, y + nq, (size_t)nq * sizeof *y);
+    memcpy(y + nq, s->guess, (size_t)nq * sizeof *y);
     if (!any)
         return 0;
     evaluate(s, t, y);
+    measure(s, t, y);
+    double before = largest_in_sizes(s, y + nq);
     write_rows(s);
     for (int i = 0; i < e->nc; ++i)
-        least = fmax(least, fabs(OUT(&s->constraint, drift + i)) / (s->lengths[i] > 0.0 ? s->lengths[i] : 1.0));
-    return largest_in_sizes(s, y + nq) > least / INDEPENDENT;
+        if (s->holds[i])
+            before = fmax(before, fabs(OUT(&s->constraint, drift + i)) / (s->lengths[i] > 0.0 ? s->lengths[i] : 1.0));
+    return largest_in_sizes(s, s->tried) > before / INDEPENDENT;
 }
 
 /* Move the free velocities to psi = 0. */
@@ -666,11 +738,12 @@ static int find_velocities(lag_start_search *s, double t, const int *fixed, doub
 {
     const int nq = s->equations.nq;
     memcpy(s->guess, y + nq, (size_t)nq * sizeof *y);
-    int found = change_velocities(s, t, fixed + nq, y, 0);
-    if (found != LAG_START_UNDEFINED && found != LAG_START_NO_MEMORY && are_hardly(s, t, fixed + nq, s->guess, y)) {
-        memcpy(y + nq, s->guess, (size_t)nq * sizeof *y);
-        found = change_velocities(s, t, fixed + nq, y, 1);
-    }
+    const int found = change_velocities(s, t, fixed, y, 0);
+    if (found == LAG_START_UNDEFINED)
+        return found;
+    if (are_hardly(s, t, fixed, y))
+        return change_velocities(s, t, fixed, y, 1);
+    memcpy(y + nq, s->tried, (size_t)nq * sizeof *y);
     return found;
 }
 
@@ -695,46 +768,91 @@ static int turn_with_positions(const lag_start_search *s, double *y)
     return LAG_START_FOUND;
 }
 
-/* Give the constraints that hold at the start their parameters: the model's without its branches, which precede the
- * pieces of functions. */
-static void take_parameters(lag_start_search *s)
+/* Begin a search: give the constraints their parameters, those of the dynamics without the branches, which precede the
+ * pieces of functions. Returns 0, or 1 where there is no memory. */
+static int begin(lag_start_search *s, const double *p, const int *holds)
 {
-    const int np = s->equations.np, branches = s->model->equations.np - np;
-    const int first = branches && s->model->rules.first_branch < np ? s->model->rules.first_branch : np;
-    memcpy(s->constraint.parameters + first, s->p + first + branches, (size_t)(np - first) * sizeof(double));
-    lag_tape_set(&s->constraint, first, s->p);
-}
-
-int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y, double *lengths,
-                   double *plain_lengths)
-{
-    const lag_equations *e = &s->model->equations;
-    const int nq = e->nq;
+    const int np = s->equations.np, branches = s->np - np;
+    const int first = branches && s->first_branch < np ? s->first_branch : np;
     s->p = p;
     s->renewed = 0;
-    memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes);
-    take_parameters(s);
-    lag_tape_set(&s->lasting, e->np, p);
-    int status = find_positions(s, t, fixed, y);
+    s->holds = holds ? holds : s->all;
+    memcpy(s->constraint.parameters + first, p + first + branches, (size_t)(np - first) * sizeof *p);
+    lag_tape_set(&s->constraint, first, p);
+    return bind_metric(s);
+}
+
+int lag_find_positions(lag_start_search *s, double t, const double *p, const int *holds, const int *fixed, double *y)
+{
+    return begin(s, p, holds) ? LAG_START_NO_MEMORY : find_positions(s, t, fixed, y);
+}
+
+int lag_find_velocities(lag_start_search *s, double t, const double *p, const int *holds, const int *fixed, double *y)
+{
+    return begin(s, p, holds) ? LAG_START_NO_MEMORY : find_velocities(s, t, fixed, y);
+}
+
+const double *lag_least_scales(const lag_start_search *s)
+{
+    return s->least;
+}
+
+int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y)
+{
+    int status = lag_find_positions(s, t, p, NULL, fixed, y);
     if (status == LAG_START_FOUND)
         status = turn_with_positions(s, y);
-    if (status == LAG_START_FOUND)
-        status = find_velocities(s, t, fixed, y);
-    if (status != LAG_START_FOUND)
-        return status;
-    memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes); /* the run's */
-    evaluate_tape(s, &s->lasting, t, y);
-    write_rows_of(s, e, &s->lasting);
+    return status == LAG_START_FOUND ? find_velocities(s, t, fixed + s->equations.nq, y) : status;
+}
+
+int lag_start_rank(lag_start_search *s, const lag_equations *e, const lag_tape *tape, const double *sizes, double *lengths,
+                     double *plain_lengths)
+{
+    const int nq = e->nq;
+    memcpy(s->sizes, sizes, (size_t)nq * sizeof *sizes);
+    write_rows_of(s, e, tape);
     for (int i = 0; i < e->nc; ++i) {
         double square = 0.0, plain = 0.0;
         for (int j = 0; j < nq; ++j) {
-            const double b = s->rows[i * nq + j], b_j = b / s->sizes[j];
+            const double b = s->rows[i * nq + j], b_j = b / sizes[j];
             square += b * b;
             plain += b_j * b_j;
         }
         lengths[i] = square > 0.0 ? sqrt(square) : 1.0;
         plain_lengths[i] = plain > 0.0 ? sqrt(plain) : 1.0;
     }
-    const int rank = orthogonalize(OF_RANK, e->nc, nq, s->rows, s->lengths);
-    return rank == s->model->problem.rank ? LAG_START_FOUND : LAG_START_SINGULAR;
+    return orthogonalize(OF_RANK, e->nc, nq, s->rows, s->lengths);
+}
+
+lag_start_search *lag_make_start_search(const lag_equations *equations, const lag_program *dynamics, const int32_t *spins,
+                                        int spin_count)
+{
+    lag_pool pool = lag_pool_of(NULL);
+    lag_start_search *s = lag_get(&pool, 1, sizeof *s);
+    if (!s)
+        return NULL;
+    s->equations = *equations;
+    s->dynamics_program = *dynamics;
+    s->np = equations->np;
+    s->spins = lag_get(&pool, (size_t)spin_count + 1, sizeof *s->spins);
+    s->spin_count = spin_count;
+    for (int i = 0; i < spin_count && !pool.failed; ++i, spins += SPIN) {
+        for (int k = 0; k < 4; ++k)
+            s->spins[i].place[k] = spins[k];
+        for (int k = 0; k < 3; ++k)
+            s->spins[i].fixed[k] = spins[4 + k];
+        s->spins[i].given = 1;
+    }
+    s->of_its_own = pool;
+    if (lag_start_bind(&s->of_its_own, s, 0)) {
+        lag_destroy_start_search(s);
+        return NULL;
+    }
+    return s;
+}
+
+void lag_destroy_start_search(lag_start_search *s)
+{
+    lag_pool pool = s->of_its_own; /* the search is allocated in it */
+    lag_release(&pool);
 }
