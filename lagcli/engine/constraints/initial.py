@@ -8,13 +8,13 @@ reported.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, rank_of
+from lagcli.arrays import Array, Flags, Int32, rank_of
 from lagcli.engine.constraints.rates import constraint_program
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.start_search import CoreSearch
@@ -304,13 +304,21 @@ class ConsistentSearch:
     def core(self) -> CoreSearch:
         """The search in the core."""
         spins = [(spin.places, spin.fixed) for spin in self.spins]
-        return CoreSearch(self.system, *_programs(self.system), spins)
+        return CoreSearch(self.system, *programs_of_search(self.system), spins)
+
+    def search(
+        self, find: Callable[..., tuple[Int32, Array]], fixed: Flags, q: Array, v: Array
+    ) -> tuple[int, Array]:
+        """Return a `StartStatus`, and what a search of the core finds."""
+        p = np.array([self.evaluator.p], dtype=float)
+        statuses, found = find(self.t, p, self.held, fixed, q[None], v[None])
+        return int(statuses[0]), found[0]
 
     def positions(self, q: Array, v: Array) -> Array:
         """Return q on φ = 0; may raise `NoConsistentState`."""
         if not self.holonomic:
             return q
-        status, found = self.core.positions(self.t, self.evaluator.p, self.held, self.fixed_q, q, v)
+        status, found = self.search(self.core.positions, self.fixed_q, q, v)
         self.of_guess = self.core.least_scales[self.holonomic]
         if status == StartStatus.UNDEFINED:
             raise UndefinedStart(self.evaluator.state(self.t, found, v))
@@ -353,9 +361,7 @@ class ConsistentSearch:
         """Return v on ψ = 0; may raise `NoConsistentState`."""
         if not self.held:
             return v
-        status, found = self.core.velocities(
-            self.t, self.evaluator.p, self.held, self.fixed_v, q, v
-        )
+        status, found = self.search(self.core.velocities, self.fixed_v, q, v)
         if status == StartStatus.UNDEFINED:
             raise UndefinedStart(self.evaluator.state(self.t, q, found))
         if status == StartStatus.CONTRADICTED:
@@ -423,7 +429,7 @@ def _held(jacobian: Array, fixed: Flags) -> Flags:
 
 
 @lru_cache(maxsize=4)
-def _programs(system: System) -> tuple[Program, Program]:
+def programs_of_search(system: System) -> tuple[Program, Program]:
     """Return the programs of the constraints with their rates, and of the entries of M."""
     masses = system.dynamics_layout.mass_matrix
     mass = system.dynamics.selected(range(masses.start, masses.stop))

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.constraints.initial import ACCEPTED, OF_GUESS, REACHED, REGULAR, Spin
+from lagcli.arrays import Array, Flags, Indices, Int32
+from lagcli.engine.constraints.initial import REGULAR, Spin, programs_of_search
 from lagcli.engine.core.batch import BatchTable
+from lagcli.engine.core.start_search import CoreSearch
+from lagcli.engine.core.status import StartStatus
 from lagcli.engine.evaluator import Constraints
-from lagcli.engine.scales import coordinate_sizes, least_scales, usable
+from lagcli.engine.scales import coordinate_sizes
 from lagcli.engine.system import Pattern, System
 
-_ITERATIONS = 50
-_HALVINGS = 30
-_LONGEST = 2.0  # of the coordinates' size: longest step
-_STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be too long
+_RANK = 1e-6  # singular values of independent rows
 #: Singular values of redundant rows between these may count as zero or not.
 _DOUBTFUL = (1e-9, 1e-5)
-#: Largest residual of a state beside the initial one, and number of Newton steps to it.
-_BESIDE, _STEPS_BESIDE = 1e-12, 10
 #: Smallest length of a row of B relative to that implied by its constraint's terms.
 _SHORT = 1e-5
 #: Size of the matrices of rows that are processed together: 16 MB.
@@ -66,6 +63,7 @@ class StartSearch:
         self.tables = tuple(
             BatchTable.of_rows(tape) for tape in (system.constraint, system.dynamics)
         )
+        self.core = CoreSearch(system, *programs_of_search(system))
 
     def __call__(
         self,
@@ -92,9 +90,7 @@ class StartSearch:
             its angular velocity are either fixed or guesses, no row is found.
         """
         system = self.system
-        search = _StartSearch(
-            system, self.tables, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v), self.rank
-        )
+        search = _StartSearch(system, self.tables, self.core, t, fixed_q, fixed_v, self.rank)
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
         found &= not (system.switching or system.nonlinear)
@@ -116,12 +112,14 @@ class _StartSearch:
         self,
         system: System,
         tables: tuple[Any, ...],
+        core: CoreSearch,
         t: float,
-        free_q: Indices,
-        free_v: Indices,
+        fixed_q: Flags,
+        fixed_v: Flags,
         rank: int,
     ):
-        self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
+        self.system, self.core, self.t = system, core, t
+        self.fixed_q, self.fixed_v = fixed_q, fixed_v
         self.rank, self.redundant = rank, rank < len(system.constraints)
         self.constraint, self.dynamics = tables
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
@@ -154,14 +152,6 @@ class _StartSearch:
         out: Array = self.dynamics(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
         return out
 
-    def inertia(self, parameters: Array, q: Array, v: Array) -> Array:
-        """Return the inertia of each coordinate, (n, nq)."""
-        out, diagonal = self.entries(parameters, q, v), np.zeros(q.shape)
-        for place, (i, j) in enumerate(self.system.mass_pattern):
-            if i == j:
-                diagonal[:, i] = out[:, place]
-        return self.system.inertia(diagonal)
-
     def sizes(self, mass: Array, jacobian: Array) -> Array:
         """Return the sizes of the coordinates, (n, nq)."""
         inertia = self.system.inertia(np.diagonal(mass, axis1=1, axis2=2))
@@ -177,122 +167,22 @@ class _StartSearch:
             _matrices(out[:, layout.jacobian], s.jacobian_pattern, self.nc, self.nq),
         )
 
-    # positions
-
-    def residual(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return φ over its scale, and the holonomic rows of B over it too."""
-        c = self.constraints(parameters, q, v)
-        jacobian = c.jacobian[:, self.holonomic]
-        least = least_scales(self.inertia(parameters, q, v), jacobian, q)
-        scale = usable(np.maximum(c.position_scale, least))
-        return c.position / scale, jacobian / scale[:, :, None]
-
     def positions(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
-        """Return q on φ = 0, by damped Gauss–Newton steps, and which rows converged."""
-        count, free = len(q), self.free_q
-        if not len(self.holonomic):
-            return q, np.ones(count, dtype=bool)
-        phi, jacobian = self.residual(parameters, q, v)
-        ordinary = _finite(phi) & _finite(jacobian)
-        going = ordinary.copy()
-        for _ in range(_ITERATIONS):
-            going &= np.abs(phi).max(axis=1) > REACHED
-            rows = np.flatnonzero(going)
-            if not len(rows) or not len(free):
-                break
-            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
-            sizes = self.sizes(mass, b)
-            step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
-            length = np.abs(step / sizes[:, free]).max(axis=1)
-            size = _LONGEST * np.abs(q[rows] / sizes).max(axis=1)
-            usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms decide
-            step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
-            ordinary[rows[~usual]] = going[rows[~usual]] = False
-            rows, step = rows[usual], step[usual]
-            moved = self.search(parameters, q, v, phi, jacobian, rows, step)
-            going[rows[~moved]] = False
-        return q, ordinary & (np.abs(phi).max(axis=1) <= ACCEPTED)
-
-    def step(
-        self,
-        residual: Array,
-        jacobian: Array,
-        mass: Array,
-        sizes: Array,
-        free: Indices,
-        constraints: Indices,
-    ) -> tuple[Array, Flags]:
-        """Return the smallest change of the free entries that removes a residual, and where it
-        exists."""
-        if self.redundant:
-            part = jacobian[:, :, free] * sizes[:, None, free]
-            own = mass[:, free[:, None], free] * sizes[:, free, None] * sizes[:, None, free]
-            change, usual = _least_redundant_change(part, residual, own)
-            change *= sizes[:, free]
-            return change, usual & _finite(change)
-        # rows without free entries cannot be changed; the others are solved
-        helped = np.isin(constraints, [i for i, j in self.system.jacobian_pattern if j in free])
-        if not helped.all() and helped.sum() != len(free):
-            return np.zeros((len(mass), len(free))), np.zeros(len(mass), dtype=bool)
-        sizes = sizes[:, free]
-        part = jacobian[:, helped][:, :, free] * sizes[:, None]
-        mass = mass[:, free[:, None], free] * sizes[:, None] * sizes[:, :, None]
-        step = _least_change(part, residual[:, helped], mass) * sizes
-        return step, _finite(step) & _full_rank(part)
-
-    def search(
-        self,
-        parameters: Array,
-        q: Array,
-        v: Array,
-        phi: Array,
-        jacobian: Array,
-        rows: Indices,
-        step: Array,
-    ) -> Flags:
-        """Take the steps of some rows, halved until the residual falls; return which rows
-        succeeded."""
-        moved: Flags = np.zeros(len(rows), dtype=bool)
-        for halving in range(_HALVINGS):
-            left = np.flatnonzero(~moved)
-            if not len(left):
-                break
-            at = rows[left]
-            trial = q[at]
-            trial[:, self.free_q] += step[left] * 0.5**halving
-            new_phi, new_jacobian = self.residual(parameters[at], trial, v[at])
-            less = _finite(new_jacobian) & (_lengths(new_phi) < _lengths(phi[at]))
-            at = at[less]
-            q[at], phi[at], jacobian[at] = trial[less], new_phi[less], new_jacobian[less]
-            moved[left[less]] = True
-        return moved
-
-    # velocities
+        """Return q on φ = 0, and which rows were found."""
+        if not self.system.holonomic:
+            return q, np.ones(len(q), dtype=bool)
+        return self.each(self.core.positions, self.fixed_q, parameters, q, v)
 
     def velocities(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
-        """Return v on ψ = 0, and which rows converged."""
-        ordinary, free = np.ones(len(q), dtype=bool), self.free_v
-        if not self.nc:
-            return v, ordinary
-        for left in reversed(range(4)):  # linear: the later steps remove rounding errors
-            c = self.constraints(parameters, q, v)
-            least = least_scales(self.inertia(parameters, q, v), c.jacobian, v)
-            scale = np.maximum(c.velocity_scale, least)
-            if left == 3:
-                of_guess = OF_GUESS * scale
-            scale = usable(np.maximum(scale, of_guess))
-            psi = (_times(c.jacobian, v) + c.drift) / scale
-            ordinary &= _finite(psi)
-            rows = np.flatnonzero(ordinary & (np.abs(psi).max(axis=1) > REACHED))
-            if not len(rows) or not len(free) or not left:
-                break
-            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
-            scaled = c.jacobian[rows] / scale[rows][:, :, None]
-            every = np.arange(self.nc)
-            step, usual = self.step(psi[rows], scaled, mass, self.sizes(mass, b), free, every)
-            ordinary[rows[~usual]] = False
-            v[np.ix_(rows[usual], free)] += step[usual]
-        return v, ordinary & (np.abs(psi).max(axis=1) <= ACCEPTED)
+        """Return v on ψ = 0, and which rows were found."""
+        return self.each(self.core.velocities, self.fixed_v, parameters, q, v)
+
+    def each(
+        self, find: Callable[..., tuple[Int32, Array]], fixed: Flags, *rows: Array
+    ) -> tuple[Array, Flags]:
+        """Return what a search of the core finds for each row, and whether it is consistent."""
+        statuses, found = find(self.t, rows[0], range(self.nc), fixed, *rows[1:])
+        return found, statuses == StartStatus.FOUND
 
     def regular(self, parameters: Array, q: Array, v: Array) -> Flags:
         """Return which rows are finite and have a well-conditioned scaled [[M, Bᵀ], [B, 0]]."""
@@ -340,7 +230,7 @@ class _StartSearch:
         mixture = free @ np.cos(1.0 + np.arange(free.shape[2]))
         for direction in (*np.moveaxis(free, 2, 0), mixture):
             for side in (-ASIDE, ASIDE):
-                beside, reached = self.beside(parameters, q + side * reach * direction, v, sizes)
+                beside, reached = self.beside(parameters, q + side * reach * direction, v)
                 near = self.constraints(parameters, beside, v).jacobian * sizes[:, None]
                 kept &= reached & _finite(near)
                 near[~kept] = 0.0
@@ -350,25 +240,14 @@ class _StartSearch:
 
     def has_rank(self, values: Array) -> Flags:
         """Return where singular values are those of a B that clearly has the rank."""
-        ranks: Indices = (values > _STEP_RANK).sum(axis=1)
+        ranks: Indices = (values > _RANK).sum(axis=1)
         return _are_clear(values) & (ranks == self.rank)
 
-    def beside(self, parameters: Array, q: Array, v: Array, sizes: Array) -> tuple[Array, Flags]:
-        """Return the states on φ = 0 next to some that are not, and which were reached."""
-        every, reached = np.arange(self.nq), np.ones(len(q), dtype=bool)
-        if not len(self.holonomic):
-            return q, reached
-        for _ in range(_STEPS_BESIDE):
-            phi, jacobian = self.residual(parameters, q, v)
-            reached = np.abs(phi).max(axis=1) <= _BESIDE
-            rows = np.flatnonzero(~reached & _finite(phi) & _finite(jacobian))
-            if not len(rows):
-                break
-            mass, _ = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
-            own = sizes[rows]
-            step, _ = self.step(phi[rows], jacobian[rows], mass, own, every, self.holonomic)
-            q[rows] += step
-        return q, reached
+    def beside(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
+        """Return the states on φ = 0 next to some that are not, and which were found."""
+        if not self.system.holonomic:
+            return q, np.ones(len(q), dtype=bool)
+        return self.each(self.core.positions, np.zeros(self.nq, dtype=bool), parameters, q, v)
 
 
 # linear algebra of many small matrices, each computed independently
@@ -384,29 +263,6 @@ def _matrices(entries: Array, pattern: Pattern, rows: int, columns: int) -> Arra
     flat = np.zeros((len(entries), rows * columns))
     flat[:, [i * columns + j for i, j in pattern]] = entries
     return flat.reshape(len(entries), rows, columns)
-
-
-def _times(matrix: Array, x: Array) -> Array:
-    product: Array = np.matmul(matrix, x[:, :, None])[:, :, 0]
-    return product
-
-
-def _lengths(x: Array) -> Array:
-    """Return the lengths of rows (n, k), summed from the left."""
-    total = np.zeros(len(x))
-    for column in x.T:
-        total += column * column
-    return np.sqrt(total)
-
-
-def _full_rank(jacobian: Array) -> Flags:
-    """Return where the normalized rows are independent."""
-    length = np.sqrt((jacobian * jacobian).sum(axis=2))
-    full: Flags = _finite(length) & (length > 0.0).all(axis=1)
-    if jacobian.shape[1] > 1 and full.any():
-        values = np.linalg.svd(jacobian[full] / length[full][:, :, None], compute_uv=False)
-        full[full] = (values.min(axis=1) > _STEP_RANK) & (values.shape[1] == jacobian.shape[1])
-    return full
 
 
 def _saddle(mass: Array, jacobian: Array) -> Array:
@@ -442,39 +298,8 @@ def _decomposed(jacobian: Array) -> tuple[Array, Array, Array]:
     return left, values, lengths
 
 
-def _least_redundant_change(jacobian: Array, residual: Array, mass: Array) -> tuple[Array, Flags]:
-    """Return the same for rows that may depend on each other, and where their rank is clear."""
-    left, values, lengths = _decomposed(jacobian)
-    ranks = (values > _STEP_RANK).sum(axis=1)
-    change = np.zeros((len(mass), mass.shape[1]))
-    for rank in np.unique(ranks).tolist():
-        rows = np.flatnonzero(ranks == rank)
-        if rank:
-            some = left[rows, :, :rank].swapaxes(1, 2)
-            independent = some @ (jacobian[rows] / lengths[rows, :, None])
-            rest = _times(some, residual[rows] / lengths[rows])
-            change[rows] = _least_change(independent, rest, mass[rows])
-    return change, _are_clear(values) & _finite(jacobian)
-
-
 def _are_clear(values: Array) -> Flags:
     """Return where no singular value may count as zero or not."""
     low, high = _DOUBTFUL
     clear: Flags = np.all((values <= low) | (values >= high), axis=1)
     return clear
-
-
-def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:
-    """Return the δ with B δ = −residual of least δᵀMδ; not finite if there is none.
-
-    See `linear.least_change`; coordinates are over their sizes.
-    """
-    nq = mass.shape[1]
-    weight = 1.0 / np.sqrt((jacobian * jacobian).sum(axis=2))
-    matrix = _saddle(mass, jacobian * weight[:, :, None])
-    right = np.concatenate([np.zeros((len(mass), nq)), -residual * weight], axis=1)
-    matrix[~_finite(matrix)] = 0.0
-    inverse = _inverses(matrix)
-    x = _times(inverse, right)
-    x += _times(inverse, right - _times(matrix, x))
-    return x[:, :nq]

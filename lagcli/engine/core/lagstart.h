@@ -19,15 +19,18 @@ lag_start_search *lag_make_start_search(const lag_equations *equations, const la
 void lag_destroy_start_search(lag_start_search *search);
 
 /*
- * Change the coordinates of y = (q, v) that are not `fixed` (nq) until phi = 0, each Newton step by the change d that is the
- * least by d'M d; or, where these move a light part far, by the coordinates' sizes. `holds` (nc) says which constraints hold;
- * NULL: all. `p` are the parameters. Returns a lag_start_status; y is changed in any case: where they contradict each other, to
- * where the steps from the guess end, and where the constraints are undefined, to a state at which they are.
+ * For each of `count` rows: change the coordinates of y = (q, v) that are not `fixed` (nq) until phi = 0, each Newton step by the
+ * change d that is the least by d'M d; or, where these move a light part far, by the coordinates' sizes. `holds` (nc) says which
+ * constraints hold; NULL: all. p are the rows of parameters. A lag_start_status of each row goes to `found`; y is changed in any
+ * case: where the constraints contradict each other, to where the steps from the guess end, and where they are undefined, to a
+ * state at which they are.
  */
-int lag_find_positions(lag_start_search *search, double t, const double *p, const int *holds, const int *fixed, double *y);
+void lag_find_positions(lag_start_search *search, double t, int64_t count, const double *p, const int *holds, const int *fixed,
+                        double *y, int *found);
 
 /* The same for velocities, until psi = 0; those of the quaternions are changed by their angular velocities. */
-int lag_find_velocities(lag_start_search *search, double t, const double *p, const int *holds, const int *fixed, double *y);
+void lag_find_velocities(lag_start_search *search, double t, int64_t count, const double *p, const int *holds, const int *fixed,
+                         double *y, int *found);
 
 /* The scales of the constraints' terms at the guess of the last search, nc, in the part of it that a scale is at least. */
 const double *lag_least_scales(const lag_start_search *search);

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref, c_double, c_int, c_void_p
+from ctypes import byref, c_double, c_int, c_int64, c_void_p
 from typing import Any
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags
+from lagcli.arrays import Array, Flags, Int32
 from lagcli.engine.core.fields import equations_fields
 from lagcli.engine.core.library import Functions, check
 from lagcli.engine.core.program import Program
@@ -26,8 +26,8 @@ core = Functions(
     {
         "lag_make_start_search": (c_void_p, c_void_p, c_void_p, c_void_p, c_int),
         "lag_destroy_start_search": (None, c_void_p),
-        "lag_find_positions": (c_int, c_void_p, c_double, *[c_void_p] * 4),
-        "lag_find_velocities": (c_int, c_void_p, c_double, *[c_void_p] * 4),
+        "lag_find_positions": (None, c_void_p, c_double, c_int64, *[c_void_p] * 5),
+        "lag_find_velocities": (None, c_void_p, c_double, c_int64, *[c_void_p] * 5),
         "lag_least_scales": (Doubles, c_void_p),
     }
 )
@@ -71,54 +71,64 @@ class CoreSearch:
             destroy(self._search)
 
     def positions(
-        self, t: float, p: Sequence[float], held: Sequence[int], fixed: Flags, q: Array, v: Array
-    ) -> tuple[StartStatus, Array]:
+        self, t: float, p: Array, held: Sequence[int], fixed: Flags, q: Array, v: Array
+    ) -> tuple[Int32, Array]:
         """Return whether positions on the constraints were found, and the last ones.
 
         Parameters
         ----------
         t : float
             s.
-        p : sequence of float
-            The System's parameters.
+        p : (n, np) array
+            Parameters of each row.
         held : sequence of int
             The constraints that hold.
         fixed : (nq,) array of bool
-        q, v : (nq,) arrays
+        q, v : (n, nq) arrays
+
+        Returns
+        -------
+        statuses : (n,) array of StartStatus
+        positions : (n, nq) array
         """
-        status, y = self._find(core.lag_find_positions, t, p, held, fixed, q, v)
-        return status, y[: len(q)]
+        found, y = self._find(core.lag_find_positions, t, p, held, fixed, q, v)
+        return found, y[:, : q.shape[1]]
 
     def velocities(
-        self, t: float, p: Sequence[float], held: Sequence[int], fixed: Flags, q: Array, v: Array
-    ) -> tuple[StartStatus, Array]:
+        self, t: float, p: Array, held: Sequence[int], fixed: Flags, q: Array, v: Array
+    ) -> tuple[Int32, Array]:
         """Return the same of velocities."""
-        status, y = self._find(core.lag_find_velocities, t, p, held, fixed, q, v)
-        return status, y[len(q) :]
+        found, y = self._find(core.lag_find_velocities, t, p, held, fixed, q, v)
+        return found, y[:, q.shape[1] :]
 
     def _find(
         self,
         function: Any,
         t: float,
-        p: Sequence[float],
+        p: Array,
         held: Sequence[int],
         fixed: Flags,
         q: Array,
         v: Array,
-    ) -> tuple[StartStatus, Array]:
-        given, y = Arguments(), np.concatenate([q, v])
+    ) -> tuple[Int32, Array]:
+        given, y = Arguments(), np.hstack([q, v])
         holds = np.zeros(len(self._system.constraints), dtype=np.int32)
         holds[list(held)] = 1
-        status = function(
+        found = np.zeros(len(y), dtype=np.int32)
+        pieces = self._system.held_at(t, ())
+        parameters = np.hstack([p, np.tile(pieces, (len(p), 1))]) if pieces else p
+        function(
             self._search,
             t,
-            given.doubles(self._system.held_at(t, p)),
+            len(y),
+            given.doubles(parameters),
             given.integers(holds),
             given.integers(fixed),
             address(y),
+            address(found),
         )
-        check(status == StartStatus.NO_MEMORY)
-        return StartStatus(status), y
+        check(bool((found == StartStatus.NO_MEMORY).any()))
+        return found, y
 
     @property
     def least_scales(self) -> Array:

@@ -21,6 +21,7 @@
 #define CERTAINLY 1e-3      /* part of a row that is independent of those before it, for rows that need no singular values */
 #define SWEEPS 60           /* of rotations; some ten suffice */
 #define ORTHOGONAL 1e-15    /* a product of rows, of their lengths */
+#define NEGLIGIBLE 1e-3     /* length of a row that is not rotated any more, of that of one that is kept */
 #define NOTHING 1e-14       /* part of its terms that a sum is, at least, unless it vanishes */
 #define SPIN 7              /* numbers of a spin */
 #define LONGEST 2.0         /* of the coordinates' size: longest step */
@@ -233,20 +234,25 @@ static double product_of(int n, const double *x, const double *y)
 /*
  * Combine m rows of n entries, and their right sides, by rotations (Jacobi) until they are orthogonal: their lengths are then the
  * singular values. Keep those that are larger than `least`; what the others say of the right side is dropped, as by least
- * squares. Returns the rank.
+ * squares. `square`: scratch, m. Returns the rank.
  */
-static int combine(double least, int m, int n, double *a, double *right)
+static int combine(double least, int m, int n, double *a, double *right, double *square)
 {
+    const double nothing = NEGLIGIBLE * least * (NEGLIGIBLE * least); /* such rows are rounding errors of the others */
     int rank = 0, turned = 1;
     for (int sweep = 0; sweep < SWEEPS && turned; ++sweep) {
         turned = 0;
         for (int i = 0; i < m; ++i)
-            for (int k = i + 1; k < m; ++k) {
+            square[i] = product_of(n, a + i * n, a + i * n);
+        for (int i = 0; i < m; ++i)
+            for (int k = i + 1; k < m && square[i] > nothing; ++k) {
                 double *x = a + i * n, *y = a + k * n;
-                const double xx = product_of(n, x, x), yy = product_of(n, y, y), xy = product_of(n, x, y);
-                if (!(fabs(xy) > ORTHOGONAL * sqrt(xx * yy)))
+                if (!(square[k] > nothing))
                     continue;
-                const double ratio = (yy - xx) / (2.0 * xy);
+                const double xy = product_of(n, x, y);
+                if (!(fabs(xy) > ORTHOGONAL * sqrt(square[i] * square[k])))
+                    continue;
+                const double ratio = (square[k] - square[i]) / (2.0 * xy);
                 const double tangent = copysign(1.0, ratio) / (fabs(ratio) + sqrt(1.0 + ratio * ratio));
                 const double c = 1.0 / sqrt(1.0 + tangent * tangent), s = c * tangent, r = right[i];
                 for (int j = 0; j < n; ++j) {
@@ -256,6 +262,8 @@ static int combine(double least, int m, int n, double *a, double *right)
                 }
                 right[i] = c * r - s * right[k];
                 right[k] = s * r + c * right[k];
+                square[i] = fmax(square[i] - tangent * xy, 0.0);
+                square[k] += tangent * xy;
                 turned = 1;
             }
     }
@@ -414,7 +422,7 @@ static void find_least_change(lag_start_search *s, int m, double least, const do
     memcpy(s->tested, s->rows, (size_t)m * (size_t)nq * sizeof *s->rows);
     int rank = orthogonalize(CERTAINLY, m, nq, s->tested, s->lengths);
     if (rank < m)
-        rank = combine(least, m, nq, s->rows, s->right);
+        rank = combine(least, m, nq, s->rows, s->right, s->lengths);
     if (rank && (!weighted || weigh(s, q) || solve_least(s, rank, 1)))
         solve_least(s, rank, 0);
 }
@@ -782,14 +790,25 @@ static int begin(lag_start_search *s, const double *p, const int *holds)
     return bind_metric(s);
 }
 
-int lag_find_positions(lag_start_search *s, double t, const double *p, const int *holds, const int *fixed, double *y)
+typedef int finder(lag_start_search *s, double t, const int *fixed, double *y);
+
+static void find_rows(lag_start_search *s, finder *find, double t, int64_t count, const double *p, const int *holds,
+                      const int *fixed, double *y, int *found)
 {
-    return begin(s, p, holds) ? LAG_START_NO_MEMORY : find_positions(s, t, fixed, y);
+    for (int64_t i = 0; i < count; ++i, p += s->np, y += 2 * s->equations.nq)
+        found[i] = begin(s, p, holds) ? LAG_START_NO_MEMORY : find(s, t, fixed, y);
 }
 
-int lag_find_velocities(lag_start_search *s, double t, const double *p, const int *holds, const int *fixed, double *y)
+void lag_find_positions(lag_start_search *s, double t, int64_t count, const double *p, const int *holds, const int *fixed,
+                        double *y, int *found)
 {
-    return begin(s, p, holds) ? LAG_START_NO_MEMORY : find_velocities(s, t, fixed, y);
+    find_rows(s, find_positions, t, count, p, holds, fixed, y, found);
+}
+
+void lag_find_velocities(lag_start_search *s, double t, int64_t count, const double *p, const int *holds, const int *fixed,
+                         double *y, int *found)
+{
+    find_rows(s, find_velocities, t, count, p, holds, fixed, y, found);
 }
 
 const double *lag_least_scales(const lag_start_search *s)
@@ -799,7 +818,7 @@ const double *lag_least_scales(const lag_start_search *s)
 
 int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y)
 {
-    int status = lag_find_positions(s, t, p, NULL, fixed, y);
+    int status = begin(s, p, NULL) ? LAG_START_NO_MEMORY : find_positions(s, t, fixed, y);
     if (status == LAG_START_FOUND)
         status = turn_with_positions(s, y);
     return status == LAG_START_FOUND ? find_velocities(s, t, fixed + s->equations.nq, y) : status;
