@@ -113,6 +113,36 @@ def test_every_page_starts_where_simulate_does(name: str, tmp_path: Path) -> Non
     assert check(model, random_cases(model, FUZZ_COUNT, Random(11)), tmp_path)
 
 
+#: Links whose guess is far from the ends' places: steps of least length by M alone lead to another
+#: state, many turns away.
+CLOSED_CHAIN = """
+coordinates: ["q[1..N]"]
+parameters: {N: 40, l: 0.1, m: 0.1, g: 9.81, w: 2.0}
+definitions:
+  X[0]: 0
+  Y[0]: 0
+  X[i = 1..N]: X[i-1] + l*sin(q[i])
+  Y[i = 1..N]: Y[i-1] - l*cos(q[i])
+T: >-
+  sum(m/2*((X[i-1]' + X[i]')^2/4 + (Y[i-1]' + Y[i]')^2/4) + m*l^2/24*q[i]'^2, i = 1..N)
+V: sum(m*g*(Y[i-1] + Y[i])/2, i = 1..N)
+constraints:
+  endx: X[N] = w
+  endy: Y[N] = 0
+initial:
+  q[i = 1..N]: {guess: 0.3 + 2.2*i/N + 0.3*sin(i)}
+  q[1..N]': {guess: 0}
+simulation: {t_end: 0.01, samples: 2}
+"""
+
+
+def test_a_page_of_a_closed_chain_starts_where_simulate_does(tmp_path: Path) -> None:
+    model = lagcli.load_text(CLOSED_CHAIN)
+    near = [Case({"g": 9.81 * (1 + 1e-9)}, {}), Case({"w": 2.1}, {}), Case({"l": 0.11}, {})]
+    far = [Case({}, {"q[7]": (x, True)}) for x in (-3.0, 0.1, 5.0)]
+    assert check(model, [*near, *far], tmp_path) == 6
+
+
 # quaternions
 
 

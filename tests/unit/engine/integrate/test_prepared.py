@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from core_parts import run_tape
-from lowered import Lowered, lowered
 from pendulum_by_hand import G, pendulum_system
 
-import lagcli
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate import prepared as preparing
 from lagcli.engine.integrate.prepared import (
@@ -19,7 +15,6 @@ from lagcli.engine.integrate.prepared import (
     find_elimination,
     prepare,
     unrolled,
-    with_rates,
 )
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import State
@@ -128,53 +123,6 @@ def test_operations_on_accelerations_are_left_out_of_other_tapes() -> None:
     found = explicit_functions([builder.finish([of_force, of_time])], 2)
     assert found is not None
     assert len(found.outputs) == 3  # it, that it is used, and that it is of time alone
-
-
-MODELS = Path(__file__).parents[4] / "models"
-
-
-def shipped(name: str) -> Lowered:
-    return lowered(lagcli.load(MODELS / f"{name}.yaml"))
-
-
-def at(
-    case: Lowered, t: float, q: np.ndarray, v: np.ndarray, output_subset: int = -1
-) -> np.ndarray:
-    """Return the outputs of the tape with ψ."""
-    inputs = [t, *q, *v, *case.p]
-    return np.asarray(run_tape(with_rates(case.system), inputs, output_subset=output_subset))
-
-
-@pytest.mark.parametrize(
-    "name", ["slider_crank", "four_bar", "chain", "driven_slider_crank", "rolling_disk"]
-)
-def test_rates_are_those_of_the_positions(name: str) -> None:
-    case = shipped(name)
-    system = case.system
-    nh, nc, nq = len(system.holonomic), len(system.constraints), len(system.coordinates)
-    rng = np.random.default_rng(1)
-    q, v, h = rng.uniform(0.2, 1.0, nq), rng.normal(size=nq), 1e-5
-    rates = at(case, 0.3, q, v)[-nc:]
-    ahead, behind = (at(case, 0.3 + s * h, q + s * h * v, v)[:nh] for s in (1, -1))
-    np.testing.assert_allclose(
-        rates[list(system.holonomic)], (ahead - behind) / (2 * h), rtol=1e-7, atol=1e-7
-    )
-    # the others vanish with the velocities, but for what drives them
-    still = at(case, 0.3, q, 0 * v)[-nc:]
-    drift = nh + len(system.jacobian_pattern)
-    np.testing.assert_array_equal(still, at(case, 0.3, q, v)[drift : drift + nc])
-
-
-@pytest.mark.parametrize("name", ["slider_crank", "rolling_disk"])
-def test_what_is_asked_for_alone_is_the_same(name: str) -> None:
-    case = shipped(name)
-    system = case.system
-    nq = len(system.coordinates)
-    q, v = np.linspace(0.3, 0.9, nq), np.linspace(-1.0, 2.0, nq)
-    every = at(case, 0.1, q, v)
-    for number, places in enumerate(with_rates(system).output_subsets):
-        some = list(places)
-        np.testing.assert_array_equal(at(case, 0.1, q, v, number)[some], every[some])
 
 
 def test_functions_of_a_branch_are_used_in_it_alone() -> None:
