@@ -180,6 +180,19 @@ static void set_unknowns(lag_start_search *s, const int *fixed, const double *q)
 
 /* changes */
 
+/* In four sums, whose additions do not wait for each other. */
+static double product_of(int n, const double *x, const double *y)
+{
+    double sum[4] = {0.0};
+    int j = 0;
+    for (; j + 4 <= n; j += 4)
+        for (int k = 0; k < 4; ++k)
+            sum[k] += x[j + k] * y[j + k];
+    for (; j < n; ++j)
+        sum[0] += x[j] * y[j];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
 /*
  * Gram and Schmidt's orthogonalization of m rows of n entries, the one whose independent part is largest next, and those
  * left out whose independent part is less than `least` of their `length`. The rows and the lengths are destroyed. Returns the rank.
@@ -191,11 +204,9 @@ static int orthogonalize(double least, int m, int n, double *a, double *length)
         int next = -1;
         double largest = least, rest = 0.0;
         for (int i = 0; i < m; ++i) {
-            double square = 0.0;
             if (!(length[i] > 0.0))
                 continue;
-            for (int j = 0; j < n; ++j)
-                square += a[i * n + j] * a[i * n + j];
+            const double square = product_of(n, a + i * n, a + i * n);
             if (sqrt(square) > largest * length[i]) {
                 next = i;
                 rest = sqrt(square);
@@ -212,23 +223,13 @@ static int orthogonalize(double least, int m, int n, double *a, double *length)
             if (!(length[i] > 0.0))
                 continue;
             for (int pass = 0; pass < 2; ++pass) { /* the second one removes rounding */
-                double product = 0.0;
-                for (int j = 0; j < n; ++j)
-                    product += row[j] * a[i * n + j];
+                const double product = product_of(n, row, a + i * n);
                 for (int j = 0; j < n; ++j)
                     a[i * n + j] -= product * row[j];
             }
         }
     }
     return rank;
-}
-
-static double product_of(int n, const double *x, const double *y)
-{
-    double sum = 0.0;
-    for (int j = 0; j < n; ++j)
-        sum += x[j] * y[j];
-    return sum;
 }
 
 /*
