@@ -24,9 +24,8 @@ from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import NumericalError, UsageError
-from lagcli.model.expression.trees import Name, walk
 from lagcli.model.model import Model
-from lagcli.model.values import dependent_values
+from lagcli.model.values import dependent_values, independent_parameters
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.simulation import Simulation, ready
@@ -340,12 +339,7 @@ def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
 
 def _computed(model: Model) -> list[str]:
     """Return the parameters that the model computes from others which can be changed."""
-    given = [
-        p.name
-        for p in model.parameters.values()
-        if p.written is None or not any(isinstance(x, Name) for x in walk(p.written.tree))
-    ]
-    varied = [name for name in given if not model.parameters[name].structural]
+    varied = independent_parameters(model)
     found = dependent_values(model, varied)
     return [name for name in model.parameters if name in found and name not in varied]
 

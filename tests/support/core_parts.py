@@ -17,6 +17,7 @@ from lagcli.engine.core.contact_problem import ContactProblem
 from lagcli.engine.core.fields import order_fields
 from lagcli.engine.core.library import KERNEL, LIBRARY, PORTABLE, check
 from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
@@ -82,6 +83,9 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_stopped_by": (c_int, c_void_p),
     "lag_log_of": (Doubles, c_void_p, c_void_p, c_void_p),
     "lag_simulation_size": (ctypes.c_size_t, c_void_p),
+    "lag_state_size": (ctypes.c_size_t, c_void_p),
+    "lag_save": (None, c_void_p, c_void_p),
+    "lag_restore": (c_int, c_void_p, c_void_p),
     "lag_save_simulation": (None, c_void_p, c_void_p),
     "lag_restore_simulation": (c_int, c_void_p, c_void_p),
 }
@@ -515,3 +519,15 @@ def search_cost(run: int) -> Array:
     coefficients, states = ctypes.c_int64(), ctypes.c_int64()
     parts.lag_part_search_cost(run, byref(coefficients), byref(states))
     return np.array([coefficients.value, states.value])
+
+
+def save(core: Integrator) -> bytes:
+    """Return the state of a run, to which `restore` goes back."""
+    saved = ctypes.create_string_buffer(parts.lag_state_size(core._run))
+    parts.lag_save(core._run, saved)
+    return saved.raw
+
+
+def restore(core: Integrator, saved: bytes) -> bool:
+    """Go back to a state of this run; return whether that was possible."""
+    return not parts.lag_restore(core._run, saved)

@@ -10,9 +10,7 @@ from ctypes import (
     c_double,
     c_int,
     c_int64,
-    c_size_t,
     c_void_p,
-    create_string_buffer,
 )
 from typing import TYPE_CHECKING, Any
 
@@ -84,9 +82,6 @@ core = Functions(
         "lag_sizes_again": (c_int, c_void_p),
         "lag_report_of": (None, c_void_p, c_void_p),
         "lag_coefficients": (c_int, c_void_p, c_void_p),
-        "lag_state_size": (c_size_t, c_void_p),
-        "lag_save": (None, c_void_p, c_void_p),
-        "lag_restore": (c_int, c_void_p, c_void_p),
     }
 )
 
@@ -345,17 +340,6 @@ class Integrator:
         """Continue from another state; call `start` next."""
         given = Arguments()
         core.lag_move(self._run, t, given.doubles(y), times_next)
-
-    def save(self) -> bytes:
-        """Return the state of the run, to which `restore` goes back."""
-        saved = create_string_buffer(core.lag_state_size(self._run))
-        core.lag_save(self._run, saved)
-        return saved.raw
-
-    def restore(self, saved: bytes) -> None:
-        """Go back to a state of this run; ValueError if the equations were replaced since."""
-        if core.lag_restore(self._run, saved):
-            raise ValueError("the run has changed otherwise since it was saved")
 
     @property
     def report(self) -> lag_report:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from core_parts import NativeProgram
+from core_parts import NativeProgram, restore, save
 from core_runs import pendulum
 from random_cases import FUZZ_COUNT
 from random_streams import NOTHING, SPECIAL, random_numbers, random_program
@@ -207,11 +207,11 @@ def test_a_run_that_goes_back_keeps_its_code(monkeypatch: pytest.MonkeyPatch) ->
     core.start()
     core.advance(2)
     assert executable() == before
-    saved = core.save()
+    saved = save(core)
     core.advance(300)
     emitted, state = executable(), core.state
     assert emitted > before
-    core.restore(saved)
+    assert restore(core, saved)
     core.advance(300)
     np.testing.assert_array_equal(core.state, state)
     assert executable() >= emitted
