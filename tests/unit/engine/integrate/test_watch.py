@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.engine.constraints.singular import RankWatch
 
 FOUND = Path(__file__).parents[3] / "found"
 
@@ -59,6 +60,24 @@ def test_regular_motion_needs_no_decomposition(name, options, decompositions):
     found = lagcli.simulate(lagcli.load(FOUND / name, **options), samples=3)
     assert found.status == "completed", found.message
     assert not decompositions
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("whitworth", 0), ("jansen_leg", 0), ("delta_robot", 3)]
+)
+def test_python_is_asked_only_next_to_a_singular_configuration(name, most, monkeypatch):
+    """Their steps towards one are limited by the core: 94, 21 and 36 of them."""
+    asked = []
+    ahead = RankWatch.ahead
+
+    def watched(self, states, *args):
+        asked.append(states)
+        return ahead(self, states, *args)
+
+    monkeypatch.setattr(RankWatch, "ahead", watched)
+    found = lagcli.simulate(lagcli.load(FOUND / f"{name}.yaml"), samples=3)
+    assert found.status == "completed", found.message
+    assert len(asked) <= most
 
 
 def test_redundant_constraints_need_no_decomposition_in_each_step(decompositions):
