@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import byref, c_double, c_int, c_int64, c_void_p
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,10 +32,37 @@ from lagcli.engine.tape.tape import Tape
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from lagcli.engine.sensitivity.switched_run import DirectionalPrograms
     from lagcli.engine.switching.kinks import FrozenSystem
     from lagcli.engine.switching.splitting import SplitSystem
     from lagcli.engine.tape.ticks import Ticks
+
+
+class DirectionalPrograms(NamedTuple):
+    """Programs with which the core differentiates a motion: ``lag_directions`` in core/lagcore.h.
+
+    Parameters
+    ----------
+    parameters : (n, np) array
+        Derivatives of the System's parameters, including branches, which do not change.
+    decides : tuple of bool
+        For each condition, whether an event with actions depends on it.
+    dynamics, constraint, functions, limits, impact, forces, signs, conditions, force_conditions,
+    kinks, kink_rates : Program
+    """
+
+    parameters: Array
+    decides: tuple[bool, ...]
+    dynamics: Program
+    constraint: Program
+    functions: Program
+    limits: Program
+    impact: Program
+    forces: Program
+    signs: Program
+    conditions: Program
+    force_conditions: Program
+    kinks: Program
+    kink_rates: Program
 
 
 class lag_instant_report(Structure):

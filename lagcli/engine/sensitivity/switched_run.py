@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import IntEnum
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.core.program import Program, assemble
-from lagcli.engine.core.switching import SwitchingIntegrator
+from lagcli.engine.core.switching import DirectionalPrograms, SwitchingIntegrator
 from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.integrate.prepared import Prepared
 from lagcli.engine.integrate.switching_run import Actions, SwitchingIntegration
@@ -237,34 +237,6 @@ class DifferentiatedActions(Actions):
         state, p, _ = self.core.changes(self._parameters)
         self.core.set_changes(state, p)  # the motion after it is another one
         super().activate(row, active)
-
-
-class DirectionalPrograms(NamedTuple):
-    """Programs with which the core differentiates a motion: ``lag_directions`` in core/lagcore.h.
-
-    Parameters
-    ----------
-    parameters : (n, np) array
-        Derivatives of the System's parameters, including branches, which do not change.
-    decides : tuple of bool
-        For each condition, whether an event with actions depends on it.
-    dynamics, constraint, functions, limits, impact, forces, signs, conditions, force_conditions,
-    kinks, kink_rates : Program
-    """
-
-    parameters: Array
-    decides: tuple[bool, ...]
-    dynamics: Program
-    constraint: Program
-    functions: Program
-    limits: Program
-    impact: Program
-    forces: Program
-    signs: Program
-    conditions: Program
-    force_conditions: Program
-    kinks: Program
-    kink_rates: Program
 
 
 @lru_cache(maxsize=4)
