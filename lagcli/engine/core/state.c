@@ -179,6 +179,7 @@ static void watch(lag_archive *a, lag_run *run)
     number(a, &p->changed_at);
     lag_archive_int(a, &p->states, 0, LAG_APPROACH_STATES);
     lag_archive_reals(a, p->t, LAG_APPROACH_STATES);
+    lag_archive_reals(a, p->square, LAG_APPROACH_STATES);
     lag_archive_reals(a, p->y, (int64_t)LAG_APPROACH_STATES * lag_size(&run->system));
     flag(a, &path->exceeded);
     flag(a, &d->kept);

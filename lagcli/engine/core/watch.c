@@ -36,7 +36,9 @@
 #define AHEAD_BELOW 0.04    /* of its largest value: where the path ahead is to be examined. Not later, because the rounding
                              * errors of a and lambda grow with the inverse square of the value ... */
 #define FALLEN 0.85         /* ... again after the value has fallen to this part: where the motion ends, at a turning point,
-                             * it does so in small steps */
+                             * it does so in small steps; ... */
+#define HALVED 0.5          /* ... or to this part, where the last values lead to a minimum that is not small: ... */
+#define NOT_SMALL 0.71      /* ... at least this part of the value. Where it vanishes like a power of time, they lead below it */
 #define PROGRESS 1e-3       /* smallest relative change of the value that counts as progress, ... */
 #define STUCK 20            /* ... and number of steps without it that end an approach limited by rounding errors: one step
                              * changes the value by several hundredths */
@@ -547,13 +549,27 @@ static void keep_state(lag_run *run, double t, const double *y, double value)
     if (a->states == LAG_APPROACH_STATES) {
         --a->states;
         memmove(a->t, a->t + 1, (size_t)a->states * sizeof *a->t);
+        memmove(a->square, a->square + 1, (size_t)a->states * sizeof *a->square);
         memmove(a->y, a->y + n, a->states * n * sizeof *a->y);
     }
     a->t[a->states] = t;
+    a->square[a->states] = value * value;
     memcpy(a->y + a->states * n, y, n * sizeof *y);
     ++a->states;
     a->t_last = t;
     a->last = value;
+}
+
+/* Whether the parabola through the squares of the last values, which are smooth, has a minimum that is not small. */
+static int has_minimum_ahead(const lag_approach *a)
+{
+    const int k = a->states - 1;
+    if (k < 2)
+        return 0;
+    const double now = a->square[k], first = a->t[k - 2] - a->t[k], second = a->t[k - 1] - a->t[k];
+    const double of_first = (a->square[k - 2] - now) / first, of_second = (a->square[k - 1] - now) / second;
+    const double bend = (of_first - of_second) / (first - second), slope = of_first - bend * first;
+    return bend > 0.0 && now - 0.25 * slope * slope / bend > NOT_SMALL * NOT_SMALL * now;
 }
 
 /* Begin to keep the states of an approach, with that before the last step. */
@@ -563,7 +579,7 @@ static void begin_approach(lag_run *run)
     const double pivot = lag_least_pivot(run, run->step.t_old, run->step.y_old);
     keep_state(run, run->step.t_old, run->step.y_old, least_value(run, pivot));
     a->changed = INFINITY;
-    a->examined = INFINITY;
+    a->examined = AHEAD_BELOW * a->largest;
 }
 
 /* Whether the last steps have not changed the least singular value, because of rounding errors of a, which grow with its
@@ -605,8 +621,9 @@ int lag_follow_approach(lag_run *run)
         return LAG_FLOOR;
     const int falls = fall > 0.0 && value < SHORTER_BELOW * a->largest;
     limit(run, falls ? DESCENT * a->largest * taken / fall : INFINITY);
-    if (falls && value < fmin(AHEAD_BELOW * a->largest, FALLEN * a->examined)) {
-        a->examined = value;
+    const double most = has_minimum_ahead(a) ? HALVED * a->examined : a->examined;
+    if (falls && value < most) {
+        a->examined = FALLEN * value;
         return LAG_NEAR;
     }
     return LAG_RUNNING;

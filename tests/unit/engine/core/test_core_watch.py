@@ -655,6 +655,18 @@ def weakest(w: float) -> float:
     return (1.0 - abs(float(np.cos(w)))) ** 0.5
 
 
+def minimum_ahead(states: list[tuple[float, float]]) -> float:
+    """Return the least value of the parabola through the last squares of `weakest`, if any."""
+    if len(states) < 3:
+        return -np.inf
+    t = np.array([s for s, _ in states[-3:]])
+    parabola = Polynomial.fit(t, [weakest(w) ** 2 for _, w in states[-3:]], 2).convert(
+        domain=[t[0], t[-1]]
+    )
+    bend = parabola.deriv(2)(0.0)
+    return float(parabola(parabola.deriv().roots()[0])) if bend > 0.0 else -np.inf
+
+
 #: As long rows as those of `TWO_ROWS`, one of which is another's double.
 REDUNDANT = TWO_ROWS.replace("  two:", "  again: 2*x = 0\n  two:")
 
@@ -664,7 +676,7 @@ REDUNDANT = TWO_ROWS.replace("  two:", "  again: 2*x = 0\n  two:")
 )
 def test_steps_towards_a_singular_configuration_are_limited(text: str, solution: str) -> None:
     """Below a fifth of the largest value, each reduces it by a fiftieth of the largest at most;
-    below a twenty-fifth, the path ahead is to be examined."""
+    below a twenty-fifth, the path ahead is to be examined; later, if the values have a minimum."""
     rng = np.random.default_rng(len(text))
     asked = 0
     for _ in range(40):
@@ -682,19 +694,21 @@ def test_steps_towards_a_singular_configuration_are_limited(text: str, solution:
             pivot = max(pivot, np.sin(w))
             if not np.sin(w) < min(np.sin(last), 0.3 * pivot):
                 assert limit == np.inf
-                approaching, examined = False, np.inf
+                approaching = False
             else:
-                before = [*(before if approaching else [(t, last)]), (t + h, w)][-4:]
+                if not approaching:
+                    before, examined = [(t, last)], 0.04 * largest
+                before = [*before[-3:], (t + h, w)]
                 approaching = True
                 found = watched.core.approach()
                 np.testing.assert_array_equal([s for s, _ in found], [s for s, _ in before])
                 np.testing.assert_array_equal([y[2] for _, y in found], [s for _, s in before])
                 expected = 0.02 * largest * h / fall if near else np.inf
                 assert limit == pytest.approx(expected, rel=1e-3)
-                ask = value < min(0.04 * largest, 0.85 * examined)
-                assert status == (Status.NEAR if ask else Status.RUNNING)
-                if ask:
-                    examined = value
+                below = examined * (0.5 if minimum_ahead(before) > 0.71**2 * value**2 else 1.0)
+                assert status == (Status.NEAR if value < below else Status.RUNNING)
+                if value < below:
+                    examined = 0.85 * value
                     asked += 1
             t, last = t + h, w
     assert asked > 40
