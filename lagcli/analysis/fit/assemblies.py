@@ -65,7 +65,7 @@ class Assemblies:
             q = own.state.q.copy()
             q[self.free] += point * reach[self.free]
             try:
-                q = search.positions(q, own.state.v)
+                _, q = search.find(search.core.positions, search.fixed_q, q, own.state.v)
                 whole = np.round((q - given.q) / (2 * np.pi))
                 q = np.where(turning, q - 2 * np.pi * whole, q)
                 near = own._replace(state=own.state._replace(q=q))

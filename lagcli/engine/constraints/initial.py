@@ -306,19 +306,19 @@ class ConsistentSearch:
         spins = [(spin.places, spin.fixed) for spin in self.spins]
         return CoreSearch(self.system, *programs_of_search(self.system), spins)
 
-    def search(
-        self, find: Callable[..., tuple[Int32, Array]], fixed: Flags, q: Array, v: Array
+    def find(
+        self, search: Callable[..., tuple[Int32, Array]], fixed: Flags, q: Array, v: Array
     ) -> tuple[int, Array]:
         """Return a `StartStatus`, and what a search of the core finds."""
         p = np.array([self.evaluator.p], dtype=float)
-        statuses, found = find(self.t, p, self.held, fixed, q[None], v[None])
+        statuses, found = search(self.t, p, self.held, fixed, q[None], v[None])
         return int(statuses[0]), found[0]
 
     def positions(self, q: Array, v: Array) -> Array:
         """Return q on φ = 0; may raise `NoConsistentState`."""
         if not self.holonomic:
             return q
-        status, found = self.search(self.core.positions, self.fixed_q, q, v)
+        status, found = self.find(self.core.positions, self.fixed_q, q, v)
         self.of_guess = self.core.least_scales[self.holonomic]
         if status == StartStatus.UNDEFINED:
             raise UndefinedStart(self.evaluator.state(self.t, found, v))
@@ -361,7 +361,7 @@ class ConsistentSearch:
         """Return v on ψ = 0; may raise `NoConsistentState`."""
         if not self.held:
             return v
-        status, found = self.search(self.core.velocities, self.fixed_v, q, v)
+        status, found = self.find(self.core.velocities, self.fixed_v, q, v)
         if status == StartStatus.UNDEFINED:
             raise UndefinedStart(self.evaluator.state(self.t, q, found))
         if status == StartStatus.CONTRADICTED:

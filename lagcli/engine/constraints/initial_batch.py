@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, Indices, Int32
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import REGULAR, Spin, programs_of_search
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.core.start_search import CoreSearch
@@ -128,7 +128,7 @@ class _StartSearch:
     def __call__(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array, Flags]:
         """Return q, v and which rows were found."""
         with np.errstate(all="ignore"):
-            q, converged = self.positions(parameters, q, v)
+            q, converged = self.positions(self.fixed_q, parameters, q, v)
             v, met = self.velocities(parameters, q, v)
             return q, v, converged & met & self.regular(parameters, q, v)
 
@@ -167,21 +167,19 @@ class _StartSearch:
             _matrices(out[:, layout.jacobian], s.jacobian_pattern, self.nc, self.nq),
         )
 
-    def positions(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
+    def positions(self, fixed: Flags, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
         """Return q on φ = 0, and which rows were found."""
         if not self.system.holonomic:
             return q, np.ones(len(q), dtype=bool)
-        return self.each(self.core.positions, self.fixed_q, parameters, q, v)
+        statuses, found = self.core.positions(self.t, parameters, range(self.nc), fixed, q, v)
+        return found, statuses == StartStatus.FOUND
 
     def velocities(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
         """Return v on ψ = 0, and which rows were found."""
-        return self.each(self.core.velocities, self.fixed_v, parameters, q, v)
-
-    def each(
-        self, find: Callable[..., tuple[Int32, Array]], fixed: Flags, *rows: Array
-    ) -> tuple[Array, Flags]:
-        """Return what a search of the core finds for each row, and whether it is consistent."""
-        statuses, found = find(self.t, rows[0], range(self.nc), fixed, *rows[1:])
+        if not self.nc:
+            return v, np.ones(len(v), dtype=bool)
+        held, fixed = range(self.nc), self.fixed_v
+        statuses, found = self.core.velocities(self.t, parameters, held, fixed, q, v)
         return found, statuses == StartStatus.FOUND
 
     def regular(self, parameters: Array, q: Array, v: Array) -> Flags:
@@ -228,9 +226,11 @@ class _StartSearch:
         kept &= self.has_rank(values)
         free = sizes[:, :, None] * right[:, rank:].swapaxes(1, 2)
         mixture = free @ np.cos(1.0 + np.arange(free.shape[2]))
+        none = np.zeros(self.nq, dtype=bool)
         for direction in (*np.moveaxis(free, 2, 0), mixture):
             for side in (-ASIDE, ASIDE):
-                beside, reached = self.beside(parameters, q + side * reach * direction, v)
+                aside = q + side * reach * direction
+                beside, reached = self.positions(none, parameters, aside, v)
                 near = self.constraints(parameters, beside, v).jacobian * sizes[:, None]
                 kept &= reached & _finite(near)
                 near[~kept] = 0.0
@@ -242,12 +242,6 @@ class _StartSearch:
         """Return where singular values are those of a B that clearly has the rank."""
         ranks: Indices = (values > _RANK).sum(axis=1)
         return _are_clear(values) & (ranks == self.rank)
-
-    def beside(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
-        """Return the states on φ = 0 next to some that are not, and which were found."""
-        if not self.system.holonomic:
-            return q, np.ones(len(q), dtype=bool)
-        return self.each(self.core.positions, np.zeros(self.nq, dtype=bool), parameters, q, v)
 
 
 # linear algebra of many small matrices, each computed independently

@@ -252,12 +252,8 @@ class RankWatch:
         begin = max(self.weakest(since, path(since)), SINGULAR)
         part = min(1.0, _LOOK * max(usual, begin) / begin)
         width = max(part * (singular.time - since), singular.within)
-        before = self._consistent(path, self._times(singular.time, width), project)
+        before = self._consistent(path, _times(singular.time, width), project)
         return Ahead(singular, tuple(before), lambda t: self.motion.split(path(t)))
-
-    def _times(self, singular: float, width: float) -> list[float]:
-        """Return times at equal distances before a singular configuration."""
-        return [singular - width * k / _NODES for k in range(_NODES, 0, -1)]
 
     def _consistent(
         self, path: Path, times: Sequence[float], project: Project
@@ -391,7 +387,7 @@ class RankWatch:
             return None
         if singular.within > singular.time - t:
             return None  # a state that is nearer will tell the time better
-        times = self._times(singular.time, _NODES * (singular.time - t))
+        times = _times(singular.time, _NODES * (singular.time - t))
         before = self._consistent(last_step, times, project) if since <= times[0] else recent
         return Ahead(singular, tuple(before), path)
 
@@ -513,6 +509,11 @@ def _divided_differences(times: Sequence[float], rows: Sequence[Array]) -> list[
         ]
         found.append(column[0])
     return found
+
+
+def _times(singular: float, width: float) -> list[float]:
+    """Return times at equal distances before a singular configuration."""
+    return [singular - width * k / _NODES for k in range(_NODES, 0, -1)]
 
 
 def _resolution(low: float, high: float) -> float:

@@ -170,12 +170,11 @@ typedef struct {
 typedef struct {
     double value;                      /* the least singular value after the last step; INFINITY: far from 0 */
     double largest, largest_pivot;     /* its largest so far, and the largest least pivot where it was determined */
-    double t_last, last;               /* time and value at the last state that is kept */
     double examined;                   /* value below which the path ahead is to be examined */
     double changed;                    /* value at the last progress, ... */
     int64_t changed_at;                /* ... and number of steps until then */
     int states;                        /* that are kept */
-    double t[LAG_APPROACH_STATES], square[LAG_APPROACH_STATES], *y; /* they, and their squared values: lag_size each */
+    double t[LAG_APPROACH_STATES], values[LAG_APPROACH_STATES], *y; /* their times, values and y, lag_size each */
 } lag_approach;
 
 /* watch.c: the watch for singular configurations. */

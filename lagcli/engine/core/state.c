@@ -173,13 +173,13 @@ static void watch(lag_archive *a, lag_run *run)
     lag_archive_int(a, &w->mode, LAG_IGNORE, LAG_STOP);
     flag(a, &w->approaching);
     lag_approach *p = &w->approach;
-    double *of_approach[] = {&p->value, &p->largest, &p->largest_pivot, &p->t_last, &p->last, &p->examined, &p->changed,
+    double *of_approach[] = {&p->value, &p->largest, &p->largest_pivot, &p->examined, &p->changed,
                              &run->step.h_max};
     reals(a, of_approach, LENGTH(of_approach), 1);
     number(a, &p->changed_at);
     lag_archive_int(a, &p->states, 0, LAG_APPROACH_STATES);
     lag_archive_reals(a, p->t, LAG_APPROACH_STATES);
-    lag_archive_reals(a, p->square, LAG_APPROACH_STATES);
+    lag_archive_reals(a, p->values, LAG_APPROACH_STATES);
     lag_archive_reals(a, p->y, (int64_t)LAG_APPROACH_STATES * lag_size(&run->system));
     flag(a, &path->exceeded);
     flag(a, &d->kept);

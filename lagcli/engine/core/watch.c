@@ -549,15 +549,13 @@ static void keep_state(lag_run *run, double t, const double *y, double value)
     if (a->states == LAG_APPROACH_STATES) {
         --a->states;
         memmove(a->t, a->t + 1, (size_t)a->states * sizeof *a->t);
-        memmove(a->square, a->square + 1, (size_t)a->states * sizeof *a->square);
+        memmove(a->values, a->values + 1, (size_t)a->states * sizeof *a->values);
         memmove(a->y, a->y + n, a->states * n * sizeof *a->y);
     }
     a->t[a->states] = t;
-    a->square[a->states] = value * value;
+    a->values[a->states] = value;
     memcpy(a->y + a->states * n, y, n * sizeof *y);
     ++a->states;
-    a->t_last = t;
-    a->last = value;
 }
 
 /* Whether the parabola through the squares of the last values, which are smooth, has a minimum that is not small. */
@@ -566,8 +564,8 @@ static int has_minimum_ahead(const lag_approach *a)
     const int k = a->states - 1;
     if (k < 2)
         return 0;
-    const double now = a->square[k], first = a->t[k - 2] - a->t[k], second = a->t[k - 1] - a->t[k];
-    const double of_first = (a->square[k - 2] - now) / first, of_second = (a->square[k - 1] - now) / second;
+    const double *t = a->t + k, *w = a->values + k, first = t[-2] - t[0], second = t[-1] - t[0], now = w[0] * w[0];
+    const double of_first = (w[-2] * w[-2] - now) / first, of_second = (w[-1] * w[-1] - now) / second;
     const double bend = (of_first - of_second) / (first - second), slope = of_first - bend * first;
     return bend > 0.0 && now - 0.25 * slope * slope / bend > NOT_SMALL * NOT_SMALL * now;
 }
@@ -615,7 +613,7 @@ int lag_follow_approach(lag_run *run)
     }
     if (!a->states)
         begin_approach(run);
-    const double fall = a->last - value, taken = run->step.t - a->t_last;
+    const double fall = a->values[a->states - 1] - value, taken = run->step.t - a->t[a->states - 1];
     keep_state(run, run->step.t, run->step.y, value);
     if (is_stuck(run, value))
         return LAG_FLOOR;

@@ -16,7 +16,6 @@
 #include "project.h"
 
 #define METHODS 8  /* more than there are */
-#define SPIN 7     /* integers of a lag_spin in values.bin */
 #define SAME_TIME 1e-9 /* of a step, or of the time: a difference of times that is rounding */
 #define LARGE 400  /* unknowns of a model whose dense matrices are allocated only where they are needed */
 #define DRIFT 1e-9 /* of the constraint's scale: residual at which model exchange brings the state back */
@@ -84,19 +83,10 @@ static const void *contents(lag_fmu *fmu, const char *folder, const char *name, 
 /* Take the angular velocities that are given. Returns 0, or 1 if they are damaged. */
 static int read_spins(lag_fmu *fmu, const int32_t *from, int count, int nq)
 {
-    fmu->search.spin_count = count / SPIN;
-    fmu->search.spins = lag_get(&fmu->pool, (size_t)fmu->search.spin_count, sizeof *fmu->search.spins);
-    int damaged = count % SPIN || !fmu->search.spins;
-    for (int i = 0; !damaged && i < count; ++i) {
-        lag_spin *spin = fmu->search.spins + i / SPIN;
-        const int k = i % SPIN;
-        damaged = from[i] < 0 || from[i] >= (k < 4 ? nq : 2);
-        if (k < 4)
-            spin->place[k] = from[i];
-        else
-            spin->fixed[k - 4] = from[i];
-    }
-    return damaged;
+    int damaged = count % LAG_SPIN_NUMBERS;
+    for (int i = 0; i < count; ++i)
+        damaged |= from[i] < 0 || from[i] >= (i % LAG_SPIN_NUMBERS < 4 ? nq : 2);
+    return damaged || lag_start_take_spins(&fmu->search, &fmu->pool, from, count);
 }
 
 /* Take the equations with the constraints that hold at the start. */
@@ -130,7 +120,7 @@ static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
     fmu->input = lag_read_list(&in, &inputs);
     fmu->fixed = lag_read_integers(&in, 2 * (int64_t)e->nq, 0, 2);
     const int32_t *spin = lag_read_list(&in, &spins);
-    if (in.status != LAG_MODEL_READ || !fmu->method || settable > fmu->own || inputs > settable || spins > SPIN * (int64_t)e->nq
+    if (in.status != LAG_MODEL_READ || !fmu->method || settable > fmu->own || inputs > settable || spins > LAG_SPIN_NUMBERS * (int64_t)e->nq
         || read_spins(fmu, spin, (int)spins, e->nq))
         return 1;
     for (int64_t i = 0; i < settable; ++i)

@@ -23,9 +23,20 @@
 #define ORTHOGONAL 1e-15    /* a product of rows, of their lengths */
 #define NEGLIGIBLE 1e-3     /* length of a row that is not rotated any more, of that of one that is kept */
 #define NOTHING 1e-14       /* part of its terms that a sum is, at least, unless it vanishes */
-#define SPIN 7              /* numbers of a spin */
 #define LONGEST 2.0         /* of the coordinates' size: longest step */
 static const double aside[] = {0.0, 1e-3, 0.1}; /* of it: displacements of a guess without a solution */
+
+int lag_start_take_spins(lag_start_search *s, lag_pool *pool, const int32_t *numbers, int count)
+{
+    s->spin_count = count / LAG_SPIN_NUMBERS;
+    s->spins = lag_get(pool, (size_t)s->spin_count, sizeof *s->spins);
+    for (int i = 0; s->spins && i < s->spin_count; ++i, numbers += LAG_SPIN_NUMBERS) {
+        memcpy(s->spins[i].place, numbers, sizeof s->spins[i].place);
+        memcpy(s->spins[i].fixed, numbers + 4, sizeof s->spins[i].fixed);
+        s->spins[i].given = 1;
+    }
+    return !s->spins;
+}
 
 int lag_start_bind(lag_pool *pool, lag_start_search *s, int rows)
 {
@@ -320,9 +331,6 @@ static void measure(lag_start_search *s, double t, const double *y)
     const int nq = e->nq;
     int lacking = 0;
     double *largest = s->solution;
-    if (!s->renewed)
-        lag_tape_set(&s->dynamics, s->np, s->p);
-    s->renewed = 1;
     evaluate_tape(s, &s->dynamics, t, y);
     memset(largest, 0, (size_t)nq * sizeof *largest);
     for (int i = 0; i < e->nm; ++i)
@@ -587,14 +595,14 @@ static double reach(lag_start_search *s, const double *q)
 
 /* positions and velocities */
 
-/* Take at most so many Newton steps towards phi = 0, each the least by M or by the units; whether there are more goes to
- * `slow`. Returns a lag_start_status: LAG_START_CONTRADICTED where they do not reach it. */
-static int descend(lag_start_search *s, double t, const int *fixed, double *y, int most, int weighted, int *slow)
+/* Take Newton steps towards phi = 0, each the least by M if they are `weighted`, or by the units; whether there are more than
+ * are taken goes to `slow`. y is the guess where the search `begins`. Returns a lag_start_status: LAG_START_CONTRADICTED where they do not reach it. */
+static int descend(lag_start_search *s, double t, const int *fixed, double *y, int weighted, int begins, int *slow)
 {
     const lag_equations *e = &s->equations;
-    const int nq = e->nq;
+    const int nq = e->nq, most = weighted ? WEIGHTED : ITERATIONS;
     int steps = 0;
-    double residual = position_residual(s, t, y, 0);
+    double residual = position_residual(s, t, y, begins);
     *slow = 0;
     if (!isfinite(residual))
         return LAG_START_UNDEFINED;
@@ -653,17 +661,16 @@ static int find_positions(lag_start_search *s, double t, const int *fixed, doubl
     const size_t size = (size_t)s->equations.nq * sizeof *y;
     int found = LAG_START_CONTRADICTED;
     memcpy(s->guess, y, size);
-    position_residual(s, t, y, 1);
     for (size_t i = 0; i < sizeof aside / sizeof *aside && found == LAG_START_CONTRADICTED; ++i) {
         int slow;
         memcpy(y, s->guess, size);
         if (i)
             displace(s, t, fixed, aside[i], y);
         memcpy(s->begin, y, size);
-        found = descend(s, t, fixed, y, WEIGHTED, 1, &slow);
+        found = descend(s, t, fixed, y, 1, !i, &slow);
         if (slow) {
             memcpy(y, s->begin, size);
-            found = descend(s, t, fixed, y, ITERATIONS, 0, &slow);
+            found = descend(s, t, fixed, y, 0, 0, &slow);
         }
         if (!i)
             memcpy(s->nearest, y, size);
@@ -777,18 +784,19 @@ static int turn_with_positions(const lag_start_search *s, double *y)
     return LAG_START_FOUND;
 }
 
-/* Begin a search: give the constraints their parameters, those of the dynamics without the branches, which precede the
- * pieces of functions. Returns 0, or 1 where there is no memory. */
+/* Begin a search: give the tapes their parameters, the constraints those of the dynamics without the branches, which precede
+ * the pieces of functions. Returns 0, or 1 where there is no memory. */
 static int begin(lag_start_search *s, const double *p, const int *holds)
 {
     const int np = s->equations.np, branches = s->np - np;
     const int first = branches && s->first_branch < np ? s->first_branch : np;
-    s->p = p;
-    s->renewed = 0;
+    if (bind_metric(s))
+        return 1;
     s->holds = holds ? holds : s->all;
     memcpy(s->constraint.parameters + first, p + first + branches, (size_t)(np - first) * sizeof *p);
     lag_tape_set(&s->constraint, first, p);
-    return bind_metric(s);
+    lag_tape_set(&s->dynamics, s->np, p);
+    return 0;
 }
 
 typedef int finder(lag_start_search *s, double t, const int *fixed, double *y);
@@ -854,15 +862,7 @@ lag_start_search *lag_make_start_search(const lag_equations *equations, const la
     s->equations = *equations;
     s->dynamics_program = *dynamics;
     s->np = equations->np;
-    s->spins = lag_get(&pool, (size_t)spin_count + 1, sizeof *s->spins);
-    s->spin_count = spin_count;
-    for (int i = 0; i < spin_count && !pool.failed; ++i, spins += SPIN) {
-        for (int k = 0; k < 4; ++k)
-            s->spins[i].place[k] = spins[k];
-        for (int k = 0; k < 3; ++k)
-            s->spins[i].fixed[k] = spins[4 + k];
-        s->spins[i].given = 1;
-    }
+    lag_start_take_spins(s, &pool, spins, LAG_SPIN_NUMBERS * spin_count);
     s->of_its_own = pool;
     if (lag_start_bind(&s->of_its_own, s, 0)) {
         lag_destroy_start_search(s);

@@ -17,6 +17,8 @@ typedef struct {
     int given;                         /* whether it holds in place of e' */
 } lag_spin;
 
+#define LAG_SPIN_NUMBERS 7 /* of a lag_spin as data: the places, and what is fixed */
+
 /* e' of an angular velocity at an orientation; the angular velocity of e and e', which are read at its places. */
 void lag_turn_quaternion(const lag_spin *spin, const double *omega, const double *q, double *v);
 void lag_angular_velocity(const lag_spin *spin, const double *q, const double *v, double *omega);
@@ -29,7 +31,6 @@ struct lag_start_search {
     lag_spin *spins;
     int spin_count;
     lag_pool *pool, of_its_own;        /* where its arrays are; of a search that has one of its own */
-    const double *p;                   /* the parameters of the dynamics */
     lag_tape constraint;
     int *all, *place;                  /* nc: all hold; the places of the constraints in phi, or -1 */
     const int *holds;                  /* nc: which constraints hold */
@@ -41,12 +42,15 @@ struct lag_start_search {
     double *unit;                      /* nq: comparable changes of the unknowns */
     double *own, *least, *scale;       /* nc: see residual_at */
     /* made at the first search: */
-    int measures, renewed;             /* whether they are there; whether the tape has the parameters */
+    int measures;                      /* whether they are there */
     lag_tape dynamics;
     double *tested;                    /* nc * nq: rows */
     double *mass, *matrix, *solution;  /* nq * nq, (nq + nc)^2, nq + nc */
     int *pivots;                       /* nq + nc */
 };
+
+/* Take spins from so many numbers, which are in their ranges. Returns 0, or 1 where there is no memory. */
+int lag_start_take_spins(lag_start_search *search, lag_pool *pool, const int32_t *numbers, int count);
 
 /* Prepare it: what it is given must be set. The pool must live as long as it. `rows` are those that lag_start_rank will
  * measure, at most. Returns 0, or 1 where there is no memory. */
