@@ -33,7 +33,7 @@ GAPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "disc_block_2d": (_STIFF, ("auto",)),
     "disc_block_notime": (_STIFF, ("auto",)),
     "hostile/vanishing-terms": (_END, _ANY),
-    "singular_start": (_END, ("auto", "DOP853", "Rodas5P", "Taylor")),
+    "singular_start": (_END, ("auto", "DOP853", "Taylor")),
 }
 #: Runs of more than 8 s of processor time.
 LONG = [("beam40", "Rodas5P"), ("net_rods", "Radau"), ("net_rods", "Rodas5P")]
