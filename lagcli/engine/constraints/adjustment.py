@@ -10,38 +10,23 @@ the smallest change in the metric of M. Closed contacts are inequalities in both
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from lagcli.arrays import Array, Flags
-from lagcli.engine.constraints.initial import ConsistentSearch, NoConsistentState
+from lagcli.engine.constraints.initial import (
+    ConsistentSearch,
+    UndefinedStart,
+    programs_of_search,
+)
+from lagcli.engine.core.start_search import CoreAdjustment, HeldRows
+from lagcli.engine.core.status import StartStatus
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.linear import dense
 from lagcli.engine.switching.switching import EventRule, RowMode, Switching
-
-#: Approaches of contacts below this part of the terms of ψ are rounding errors.
-_NO_SPEED = 1e-11
-#: Multiple of a gap that counts as none, below which a closed contact stays closed.
-_TOUCHES = 10
-
-_Adjusted = TypeVar("_Adjusted")
-
-
-class ClosedContact(NamedTuple):
-    """A contact that is closed before an event.
-
-    Parameters
-    ----------
-    sign : int
-        1 for φ ≥ 0, −1 for φ ≤ 0.
-    no_gap : float
-        Gap that counts as none.
-    """
-
-    sign: int
-    no_gap: float
+from lagcli.engine.system import System
 
 
 class Adjustment(NamedTuple):
@@ -57,23 +42,6 @@ class Adjustment(NamedTuple):
     q: Array
     v: Array
     impulse: Array
-
-
-class HeldRows(NamedTuple):
-    """Constraints and contacts that hold while an event sets values.
-
-    Parameters
-    ----------
-    positions, velocities : sequence of int
-        The constraints that hold, other than contacts; those that the event engages are only among
-        the latter.
-    contacts : mapping of int to ClosedContact
-        By constraint.
-    """
-
-    positions: Sequence[int]
-    velocities: Sequence[int]
-    contacts: Mapping[int, ClosedContact]
 
 
 def held_during(
@@ -98,9 +66,10 @@ def held_during(
     no_gap : callable
         Returns the gap of a row that counts as none.
     """
-    switched = {row.row for row in switching.rows}
-    held = [k for k in range(constraints) if k not in switched]
-    engaged, contacts = list[int](), dict[int, ClosedContact]()
+    sign, gaps = np.zeros(constraints, dtype=np.int32), np.zeros(constraints)
+    positions = np.ones(constraints, dtype=np.int32)
+    positions[[row.row for row in switching.rows]] = 0
+    engaged = []
     for k, row in enumerate(switching.rows):
         bilateral = not row.sign and row.limit is None
         if bilateral and row.row in rule.engage:
@@ -108,12 +77,13 @@ def held_during(
         if not active[k] or row.row in rule.release:
             continue
         if bilateral:
-            held.append(row.row)
+            positions[row.row] = 1
         elif row.sign and modes[k] == RowMode.HOLDS:
-            contacts[row.row] = ClosedContact(row.sign, no_gap(k))
-    sets_velocities = any(what == "v" for what, _ in rule.targets)
-    velocities = {*held, *engaged} if sets_velocities else held
-    return HeldRows(sorted(held), sorted(velocities), contacts)
+            sign[row.row], gaps[row.row] = row.sign, no_gap(k)
+    velocities = positions.copy()
+    if any(what == "v" for what, _ in rule.targets):
+        velocities[engaged] = 1
+    return HeldRows(positions, velocities, sign, gaps)
 
 
 def adjusted(
@@ -136,195 +106,68 @@ def adjusted(
     fixed : (2, nq) array of bool
         The coordinates and the velocities that hold.
     rows : HeldRows
+        A contact opens if that needs less change. One that cannot be satisfied remains violated; an
+        impact follows.
     accuracy : (nq,) array
         Errors that velocities may have.
 
     Raises
     ------
-    NoConsistentState, UndefinedStart
-        See `adjusted_positions` and `adjusted_velocities`.
-    """
-    q = adjusted_positions(evaluator, t, q, v, fixed[0], rows.positions, rows.contacts)
-    return adjusted_velocities(
-        evaluator, t, q, v, fixed[1], rows.velocities, rows.contacts, accuracy
-    )
-
-
-def adjusted_positions(
-    evaluator: Evaluator,
-    t: float,
-    q: Array,
-    v: Array,
-    fixed: Flags,
-    held: Sequence[int],
-    contacts: Mapping[int, ClosedContact],
-) -> Array:
-    """Return the coordinates on the constraints nearest to given ones.
-
-    Parameters
-    ----------
-    evaluator : Evaluator
-    t : float
-        s.
-    q, v : (nq,) arrays
-        v is used only to evaluate the equations.
-    fixed : (nq,) array of bool
-        The coordinates that are given.
-    held : sequence of int
-        The constraints that hold.
-    contacts : mapping of int to ClosedContact
-        By constraint. A contact opens if that needs less change. One that cannot be satisfied
-        remains violated.
-
-    Raises
-    ------
     NoConsistentState
-        The given coordinates do not permit any position on the constraints.
+        The given values contradict the constraints.
     UndefinedStart
         The equations are not finite on the way.
     """
-    nothing = np.ones(len(q), dtype=bool)
-    place = {row: k for k, row in enumerate(evaluator.system.holonomic)}
-
-    def solve(rows: Sequence[int]) -> Array:
-        return ConsistentSearch(evaluator, t, fixed, nothing, rows).positions(q.copy(), v)
-
-    def violated(positions: Array) -> list[int]:
-        phi = evaluator.constraints(t, positions, v).position
-        return [k for k, x in contacts.items() if x.sign * phi[place[k]] < -_TOUCHES * x.no_gap]
-
-    return _with_contacts(held, solve, violated, lambda adjusted: [])
-
-
-def adjusted_velocities(
-    evaluator: Evaluator,
-    t: float,
-    q: Array,
-    v: Array,
-    fixed: Flags,
-    held: Sequence[int],
-    contacts: Mapping[int, ClosedContact],
-    accuracy: Array,
-) -> Adjustment:
-    """Return the velocities on the constraints nearest to given ones, and the impulse.
-
-    Parameters
-    ----------
-    evaluator, t, held
-        See `adjusted_positions`.
-    accuracy : (nq,) array
-        See `adjusted`.
-    q : (nq,) array
-        On the constraints.
-    v : (nq,) array
-    fixed : (nq,) array of bool
-        The velocities that are given.
-    contacts : mapping of int to ClosedContact
-        Those that are open at q have no effect. If one cannot be satisfied, an impact follows.
-
-    Raises
-    ------
-    NoConsistentState
-        The given velocities contradict the constraints.
-    UndefinedStart
-        The equations are not finite there.
-    """
-    nothing = np.ones(len(q), dtype=bool)
-    place = {row: k for k, row in enumerate(evaluator.system.holonomic)}
-    c = evaluator.constraints(t, q, v)
-    touching = [k for k, x in contacts.items() if abs(c.position[place[k]]) <= _TOUCHES * x.no_gap]
-
-    def solve(rows: Sequence[int]) -> Adjustment:
-        search = ConsistentSearch(evaluator, t, nothing, fixed, rows, accuracy=accuracy)
-        after = search.velocities(q, v)
-        return Adjustment(q, after, impulse_of(evaluator, t, q, after, after - v, rows, ~fixed))
-
-    def violated(candidate: Adjustment) -> list[int]:
-        now = evaluator.constraints(t, q, candidate.v)
-        psi, scale = now.velocity(candidate.v), now.velocity_scale
-        return [k for k in touching if contacts[k].sign * psi[k] < -_NO_SPEED * scale[k]]
-
-    def pulled(candidate: Adjustment) -> list[int]:
-        return [k for k in touching if contacts[k].sign * candidate.impulse[k] < 0]
-
-    return _with_contacts(held, solve, violated, pulled)
+    y = np.concatenate([q, v])
+    status, found, impulse = _adjustment(evaluator.system).adjust(
+        t, evaluator.p, rows, fixed, y, accuracy
+    )
+    new_q, new_v = np.split(found, 2)
+    if status == StartStatus.UNDEFINED:
+        raise UndefinedStart(evaluator.state(t, new_q, new_v))
+    if status == StartStatus.CONTRADICTED:
+        _explain(evaluator, t, y, new_q, fixed, rows)
+    return Adjustment(new_q, new_v, impulse)
 
 
-def _with_contacts(
-    held: Sequence[int],
-    solve: Callable[[Sequence[int]], _Adjusted],
-    violated: Callable[[_Adjusted], list[int]],
-    pulled: Callable[[_Adjusted], list[int]],
-) -> _Adjusted:
-    """Return a solution whose contacts are satisfied, if there is one, else without contacts."""
-    rows, without = list(held), None
-    tried = set[tuple[int, ...]]()
-    while tuple(sorted(rows)) not in tried:
-        tried.add(tuple(sorted(rows)))
-        try:
-            candidate = solve(rows)
-        except NoConsistentState:
-            if without is None:
-                raise
-            break
-        without = candidate if without is None else without
-        added = [k for k in violated(candidate) if k not in rows]
-        left = pulled(candidate)
-        if not added and not left:
-            return candidate
-        rows = [k for k in rows if k not in left] + added
-    assert without is not None
-    return without
-
-
-def impulse_of(
-    evaluator: Evaluator,
-    t: float,
-    q: Array,
-    v: Array,
-    change: Array,
-    rows: Sequence[int],
-    free: Flags,
-    given: Array | None = None,
-) -> Array:
-    """Return the impulse of constraints that changes velocities.
+def supplied_energy(evaluator: Evaluator, t: float, y: Array, impulse: Array) -> float:
+    """Return the energy that moving constraints supply by an impulse, −Λᵀ b_0.
 
     Parameters
     ----------
     evaluator : Evaluator
     t : float
         s.
-    q, v : (nq,) arrays
-        The state after the change.
-    change : (nq,) array
-        Δv.
-    rows : sequence of int
-        The constraints.
-    free : (nq,) array of bool
-        The coordinates without other impulses than those given.
-    given : (nq,) array, optional
-        A generalized impulse besides.
+    y : (2 nq,) array
+        The state after the impulse.
+    impulse : (nc,) array
+        Λ.
 
     Returns
     -------
-    (nc,) array
-        Λ in the sign of λ, of least norm if the constraints are redundant.
+    float
+        J.
     """
-    impulse = np.zeros(len(evaluator.system.constraints))
-    some = list(rows)
-    if not some or not free.any() or (given is None and not change.any()):
-        return impulse
-    d = evaluator.dynamics(t, q, v)
-    momentum = d.mass_matrix @ change - (0.0 if given is None else given)
-    jacobian = evaluator.constraints(t, q, v).jacobian[some][:, free]
-    sizes = evaluator.sizes(t, q, v)[free]
-    parts = dense.decompose(jacobian, sizes=sizes)
-    impulses = parts.multipliers(momentum[free])
-    if parts.dependent.shape[1]:
-        loose, _ = np.linalg.qr(parts.dependent / parts.scale[:, None])
-        impulses = impulses - loose @ (loose.T @ impulses)
-    impulse[some] = impulses
-    return impulse
+    return _adjustment(evaluator.system).supplied(t, evaluator.p, y, impulse)
+
+
+@lru_cache(maxsize=4)
+def _adjustment(system: System) -> CoreAdjustment:
+    return CoreAdjustment(system, *programs_of_search(system))
+
+
+def _explain(
+    evaluator: Evaluator, t: float, given: Array, q: Array, fixed: Flags, rows: HeldRows
+) -> NoReturn:
+    """Raise the error of the search for positions, or of that for velocities at q."""
+    first, v = np.split(given, 2)
+    for_positions, for_velocities = (
+        ConsistentSearch(evaluator, t, fixed[0], fixed[1], np.flatnonzero(held).tolist())
+        for held in (rows.positions, rows.velocities)
+    )
+    for_positions.positions(first, v)
+    for_velocities.velocities(q, v)
+    raise AssertionError("the core finds no state where both searches succeed")
 
 
 #: Function that returns a deviation (m,) at a position and its derivatives (m, nq).

@@ -192,8 +192,6 @@ class ConsistentSearch:
         The constraints that hold; by default those at the start.
     spins : sequence of Spin, optional
         See `consistent_state`.
-    accuracy : (nq,) array, optional
-        Errors that velocities may have besides rounding.
     """
 
     def __init__(
@@ -204,10 +202,8 @@ class ConsistentSearch:
         fixed_v: Flags,
         held: Sequence[int] | None = None,
         spins: Sequence[Spin] = (),
-        accuracy: Array | None = None,
     ):
         self.spins = tuple(spins)
-        self.accuracy = accuracy
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.held = list(self.system.held_at_start if held is None else held)
@@ -367,12 +363,11 @@ class ConsistentSearch:
         if status == StartStatus.CONTRADICTED:
             c = self.evaluator.constraint_rows(self.t, q, found)
             residual, rows = c.velocity(found)[self.held], np.asarray(c.jacobian[self.held])
-            if self.accuracy is None or (np.abs(residual) > np.abs(rows) @ self.accuracy).any():
-                inertia = self.evaluator.inertia(self.t, q, found)
-                scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, rows, found))
-                scale = usable(np.maximum(scale, self.core.least_scales[self.held]))
-                sizes = self.evaluator.sizes(self.t, q, found)
-                raise self.failure("velocity", q, residual, scale, rows, sizes)
+            inertia = self.evaluator.inertia(self.t, q, found)
+            scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, rows, found))
+            scale = usable(np.maximum(scale, self.core.least_scales[self.held]))
+            sizes = self.evaluator.sizes(self.t, q, found)
+            raise self.failure("velocity", q, residual, scale, rows, sizes)
         return found
 
     def failure(

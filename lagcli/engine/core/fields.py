@@ -27,6 +27,7 @@ _CONTENTS = {
     "jacobians": 32,
     "rules": 64,
     "tangent": 128,
+    "mass": 512,
 }
 _RECURSIVE = 256
 _COUNTS = {

@@ -347,8 +347,9 @@ void lag_place(lag_run *run, const double *y);
 void lag_activate(lag_run *run, int row, int active);
 void lag_set_parameters(lag_run *run, const double *parameters);
 
-/* Apply a generalized impulse (nq); with derivatives, its changes (directions * nq), or NULL. Returns LAG_RUNNING or LAG_UNDEFINED. */
-int lag_push(lag_run *run, const double *impulse, const double *changes);
+/* Apply a generalized impulse (nq); with derivatives, its changes (directions * nq), or NULL. The impulses of the constraints
+ * that always hold (nc), of least norm, go to `reaction`. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_push(lag_run *run, const double *impulse, const double *changes, double *reaction);
 
 /* Return the entries of the log, and empty it. */
 int64_t lag_take_log(lag_run *run);

@@ -15,6 +15,8 @@
  *   with LAG_MODEL_JACOBIANS, lag_jacobians; the number of orders of pivots, each the number of a method and lag_pivots
  *   with LAG_MODEL_SWITCHING, lag_switching_rules; the program of what actions set, the program of T and V, both of
  *   (t, q, v, a, lambda, p); the number of events, each a lag_event
+ *   with LAG_MODEL_ADJUSTS, lag_equations of all constraints, whose program has psi, too, and the program of the entries of M, of
+ *   (t, q, v, p) without branches
  *
  * A structure is its fields in the order of lagcore.h, those of lag_settings in that of settings.h: an integer or a number is a word. What a pointer refers to is
  * preceded by its count, 0 for NULL; two integers take a word, the last one alone with a zero. A program is its streams
@@ -31,7 +33,7 @@
 #endif
 
 #define LAG_MODEL_MAGIC 0x6c65646f6d67616c /* "lagmodel" where the lowest byte is the first */
-#define LAG_MODEL_VERSION 7
+#define LAG_MODEL_VERSION 8
 #define LAG_MODEL_LARGEST 32768 /* nq + 2 nc, and rows, at most */
 
 /* How a and lambda may be found, densely if neither in a loop nor unrolled; and what else there is. */
@@ -45,6 +47,7 @@ enum lag_model_contents {
     LAG_MODEL_SWITCHING = 64,
     LAG_MODEL_TANGENT = 128,           /* not in data: the equations are those of a motion and its derivatives */
     LAG_MODEL_RECURSIVE = 256,         /* the unrolled elimination has other unknowns: M and f are those of LAG_MODEL_PLAIN */
+    LAG_MODEL_ADJUSTS = 512,           /* events may set values that constraints determine, or apply impulses to them */
 };
 
 /* Why a model is rejected, or a simulation of it. */
@@ -106,6 +109,8 @@ typedef struct {
     lag_jacobians jacobians;
     lag_switching_rules rules;
     lag_program actions, energy;       /* empty where the caller answers LAG_HAPPENED */
+    lag_equations whole;               /* with all constraints, for lag_make_adjustment, with ... */
+    lag_program mass;
     lag_program tangent;               /* for lag_use_tangent, with ... */
     int tangent_blocks, tangent_complete;
     void *owned;                       /* what lag_release_model releases; NULL */

@@ -84,8 +84,16 @@ static int sample(lag_run *run, double t, int within, double *y)
 int lag_sample_here(lag_run *run, double *row)
 {
     double *y = run->samples.y;
+    lag_pool pool = lag_pool_of(&run->pool.from);
+    void *state = lag_get(&pool, lag_state_size(run), 1); /* the motion does not depend on whether anybody reads a row */
+    if (!state)
+        return LAG_NO_MEMORY;
+    lag_save(run, state);
     memcpy(y, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
-    return write_row(run, run->step.t, y, row);
+    const int status = write_row(run, run->step.t, y, row);
+    lag_restore(run, state);
+    lag_release(&pool);
+    return status;
 }
 
 int lag_sample_until(lag_run *run, double end)

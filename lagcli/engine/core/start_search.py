@@ -1,10 +1,10 @@
-"""The core's search for consistent initial states, of one System; see core/lagstart.h."""
+"""The core's search for consistent states of one System; see core/lagstart.h."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import byref, c_double, c_int, c_int64, c_void_p
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,11 @@ from lagcli.engine.core.status import StartStatus
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
+    Integers,
+    Structure,
     address,
     copied,
+    each,
     lag_equations,
 )
 from lagcli.engine.system import System
@@ -29,8 +32,21 @@ core = Functions(
         "lag_find_positions": (None, c_void_p, c_double, c_int64, *[c_void_p] * 5),
         "lag_find_velocities": (None, c_void_p, c_double, c_int64, *[c_void_p] * 5),
         "lag_least_scales": (Doubles, c_void_p),
+        "lag_make_adjustment": (c_void_p, c_void_p, c_void_p, c_void_p),
+        "lag_destroy_adjustment": (None, c_void_p),
+        "lag_supplied": (c_double, c_void_p, c_double, *[c_void_p] * 3),
+        "lag_adjust": (c_int, c_void_p, c_double, *[c_void_p] * 5),
     }
 )
+
+
+class lag_held_rows(Structure):
+    """What holds while an event sets values."""
+
+    _fields_ = (
+        *each(Integers, "positions velocities sign"),
+        *each(Doubles, "no_gap accuracy"),
+    )
 
 
 class CoreSearch:
@@ -135,3 +151,92 @@ class CoreSearch:
         """The least scales of the constraints in the last search, (nc,), by their terms at the
         guess."""
         return copied(core.lag_least_scales(self._search), len(self._system.constraints))
+
+
+class HeldRows(NamedTuple):
+    """What holds while an event sets values.
+
+    Parameters
+    ----------
+    positions, velocities : (nc,) arrays of int
+        1 for the constraints that hold, contacts apart; those that the event engages are only in
+        the latter.
+    sign : (nc,) array of int
+        1 for closed contacts with φ ≥ 0, −1 for those with φ ≤ 0, 0 for the rest.
+    no_gap : (nc,) array
+        Their gaps that count as none.
+    """
+
+    positions: Int32
+    velocities: Int32
+    sign: Int32
+    no_gap: Array
+
+
+class CoreAdjustment:
+    """Moves free values to the nearest state on the constraints.
+
+    Parameters
+    ----------
+    system, constraint, mass
+        As for `CoreSearch`.
+    """
+
+    _adjustment: int | None = None
+
+    def __init__(self, system: System, constraint: Program, mass: Program):
+        # it points into the arrays
+        self._system, self._given = system, Arguments()
+        equations = self._given.filled(lag_equations, **equations_fields(system, constraint))
+        program = self._given.program(mass)
+        self._adjustment = core.lag_make_adjustment(None, byref(equations), byref(program))
+        check(self._adjustment is None)
+
+    # an argument, because globals may be gone when the interpreter exits
+    def __del__(self, destroy: Any = core.lag_destroy_adjustment) -> None:
+        if self._adjustment:
+            destroy(self._adjustment)
+
+    def adjust(
+        self, t: float, p: Sequence[float], held: HeldRows, fixed: Flags, y: Array, accuracy: Array
+    ) -> tuple[int, Array, Array]:
+        """Return a `StartStatus`, the nearest state, and the impulse that leads to its velocities.
+
+        Parameters
+        ----------
+        t : float
+            s.
+        p : sequence of np float
+        held : HeldRows
+        fixed : (2, nq) array of bool
+        y : (2 nq,) array
+        accuracy : (nq,) array
+            Errors that velocities may have.
+        """
+        given, found = Arguments(), y.copy()
+        impulse = np.zeros(len(self._system.constraints))
+        rows = given.filled(lag_held_rows, **held._asdict(), accuracy=accuracy)
+        status: int = core.lag_adjust(
+            self._adjustment,
+            t,
+            given.doubles(self._system.held_at(t, p)),
+            byref(rows),
+            given.integers(fixed),
+            address(found),
+            address(impulse),
+        )
+        check(status == StartStatus.NO_MEMORY)
+        return status, found, impulse
+
+    def supplied(self, t: float, p: Sequence[float], y: Array, impulse: Array) -> float:
+        """Return the energy in J that moving constraints supply by an impulse, (nc,), after which
+        the state is y."""
+        given = Arguments()
+        energy: float = core.lag_supplied(
+            self._adjustment,
+            t,
+            given.doubles(self._system.held_at(t, p)),
+            given.doubles(y),
+            given.doubles(impulse),
+        )
+        return energy

@@ -47,7 +47,7 @@ class Status(_Described):
     NO_SIDE = "a force jumps with a multiplier, which is beyond the jump with neither of its sides"
     CORNER = "a constraint has a corner, at which the velocities jump"
     UNRESOLVED = "the sign of a watched function cannot be determined in the last step"
-    DISPLACED = "an action needs other coordinates or velocities to follow, which only lagcli finds"
+    CONFLICT = "the constraints cannot hold at the values that an event sets"
     NO_MEMORY = "there is no memory"
 
 

@@ -247,7 +247,9 @@ class lag_model(Structure):
         ("series", lag_series_program),
         ("jacobians", lag_jacobians),
         ("rules", lag_switching_rules),
-        *each(lag_program, "actions energy tangent"),
+        *each(lag_program, "actions energy"),
+        ("whole", lag_equations),
+        *each(lag_program, "mass tangent"),
         *each(c_int, "tangent_blocks tangent_complete"),
         ("owned", c_void_p),
     ]

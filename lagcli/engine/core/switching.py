@@ -14,6 +14,7 @@ from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, Conta
 from lagcli.engine.core.library import Functions, check
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.run import CoreModel, Integrator
+from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
@@ -132,7 +133,7 @@ core = Functions(
         "lag_place": (None, c_void_p, c_void_p),
         "lag_activate": (None, c_void_p, c_int, c_int),
         "lag_set_parameters": (None, c_void_p, c_void_p),
-        "lag_push": (c_int, c_void_p, c_void_p, c_void_p),
+        "lag_push": (c_int, c_void_p, c_void_p, c_void_p, c_void_p),
         "lag_take_log": (c_int64, c_void_p),
         "lag_use_directions": (c_int, c_void_p, c_void_p),
         "lag_loss_of": (lag_loss_report, c_void_p, c_int),
@@ -291,6 +292,8 @@ class SwitchingIntegrator(Integrator):
         self._rows: int = rules.rows
         self._clocks = len(clocks)
         self._conditions: int = rules.conditions + rules.force_conditions
+        #: The constraints that always hold, apart from those that limit friction.
+        self.base = split.base
         self._kinks: int = rules.kinks
         self._first_branch: int = rules.first_branch
         self.entry_counts = EntryCounts(
@@ -431,12 +434,19 @@ class SwitchingIntegrator(Integrator):
         kinks = listed(self._instant.kinks, self._kinks)
         return [i for i in range(self._kinks) if kinks[i]]
 
-    def push(self, impulse: ArrayLike, changes: ArrayLike | None = None) -> int:
-        """Apply a generalized impulse, whose derivatives are ``changes``, (n, nq)."""
-        given = Arguments()
+    def push(self, impulse: ArrayLike, changes: ArrayLike | None = None) -> Array | None:
+        """Apply a generalized impulse, whose derivatives are ``changes``, (n, nq).
+
+        Returns
+        -------
+        (nb,) array or None
+            The impulses of the constraints that always hold, of least norm; None if they are
+            undefined.
+        """
+        given, reaction = Arguments(), np.zeros(len(self.base))
         of_changes = None if changes is None else given.doubles(changes)
-        status: int = core.lag_push(self._run, given.doubles(impulse), of_changes)
-        return status
+        status = core.lag_push(self._run, given.doubles(impulse), of_changes, address(reaction))
+        return reaction if status == Status.RUNNING else None
 
     def use_directions(self, directions: DirectionalPrograms) -> None:
         """Differentiate the motion.

@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.engine.constraints.initial import programs_of_search
 from lagcli.engine.contract import IntegrationRequest, breaks_of
 from lagcli.engine.core import run as core_run
 from lagcli.engine.core.fields import (
+    equations_fields,
     jacobian_fields,
     model_fields,
     pivot_fields,
@@ -41,7 +43,7 @@ from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import ENERGY, System
 from lagcli.settings.methods import METHODS
 
-_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 7
+_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 8
 _TYPES: dict[str, Any] = dict(lag_model._fields_)  # type: ignore[arg-type]
 _KINDS = ("q", "v", "p")
 
@@ -130,11 +132,15 @@ def _actions(run: SwitchingIntegration) -> dict[str, Any]:
         _event(rule, place, rule.displaces(run.whole.constraining))
         for rule in split.switching.events
     ]
-    return {
+    parts: dict[str, Any] = {
         "actions": split.program(actions if actions else report.selected(())),
         "energy": assemble(report.selected([ENERGY])),
         "events": events,
     }
+    if run.whole.constraints and any(e["displaces"] or e["impulse_count"] for e in events):
+        constraint, mass = programs_of_search(run.whole)
+        parts |= {"whole": equations_fields(run.whole, constraint), "mass": mass}
+    return parts
 
 
 def _event(rule: EventRule, place: dict[int, int], displaces: bool) -> dict[str, Any]:
@@ -184,7 +190,7 @@ def _data(model: dict[str, Any]) -> bytes:
     if model["jacobians"] is not None:
         parts += [*there("jacobians"), *listed("pivots")]
     if model["rules"] is not None:
-        parts += [*there("rules", "actions", "energy"), *listed("events")]
+        parts += [*there("rules", "actions", "energy"), *listed("events"), *there("whole", "mass")]
     body = b"".join(parts)
     return word_data(_MAGIC) + word_data(_VERSION) + word_data(3 + len(body) // 8) + body
 

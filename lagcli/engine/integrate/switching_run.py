@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.constraints.adjustment import HeldRows, adjusted, held_during, impulse_of
+from lagcli.engine.constraints.adjustment import adjusted, held_during, supplied_energy
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
 from lagcli.engine.contract import (
     Block,
@@ -30,6 +30,7 @@ from lagcli.engine.contract import (
     breaks_of,
 )
 from lagcli.engine.core.program import Program
+from lagcli.engine.core.start_search import HeldRows
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.switching import SwitchingIntegrator, rules_fields
 from lagcli.engine.evaluator import Evaluator
@@ -367,8 +368,10 @@ class SwitchingIntegration(Integration):
         of_events = (kinds >= _OF_EVENTS.start) & (kinds < _OF_EVENTS.stop)
         self.log.part("modes")[first:][of_events] = modes
         self.complete_engagement()
-        status, row = self.core.sample_here()
-        right = row[: self.whole.sample_layout.size] if status == Status.RUNNING else None
+        right = None
+        if self.instants.recording:
+            status, row = self.core.sample_here()
+            right = row[: self.whole.sample_layout.size] if status == Status.RUNNING else None
         self.instants.end(right, tuple(self.actions.p))
 
     def complete_engagement(self) -> None:
@@ -454,7 +457,7 @@ class Actions:
         switched = {row.row for row in rows}
         self.base = [k for k in range(len(system.constraints)) if k not in switched]
         self.fixed = np.zeros((2, self.nq), dtype=bool)
-        self.rows = HeldRows((), (), {})
+        self.rows: HeldRows | None = None
         self.notes: dict[str, str] = {}
         #: Time and name of the last event that releases constraints, and these.
         self.released: tuple[float, str, tuple[int, ...]] = (-math.inf, "", ())
@@ -520,8 +523,7 @@ class Actions:
         if rule.targets or rule.impulses:
             change = self._energy(after) - energy
             if impulse.any():
-                drift = self.evaluator.constraints(core.t, *self._split(after)).drift
-                supplied = -float(impulse @ drift)
+                supplied = supplied_energy(self.evaluator, core.t, after[:-1], impulse)
             work = change - supplied
             after[-1] = y[-1] + change
             core.place(after)
@@ -577,7 +579,7 @@ class Actions:
                 self.fixed[int(what == "v"), index] = True
         core, count = self.core, len(self.system.constraints)
         if not rule.displaces(self.system.constraining):
-            self.rows = HeldRows((), (), {})
+            self.rows = None
             return after, np.zeros(count)
         self.rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
         try:
@@ -597,19 +599,19 @@ class Actions:
         core, t, push = self.core, self.core.t, np.zeros(self.nq)
         push[list(rule.impulses)] = values
         before = core.state
-        if self.push(push) != Status.RUNNING:
+        reaction = self.push(push)
+        if reaction is None:
             raise Stop(f"{rule.name}: the impulse is not defined at t = {t:.9g} s")
         after: Array = core.state
-        (q, v), free = self._split(after), np.ones(self.nq, dtype=bool)
+        q, v = self._split(after)
         self.check_linear(rule.name, t, q, self._split(before)[1], v)
-        change = v - self._split(before)[1]
-        impulse += impulse_of(self.evaluator, t, q, v, change, self.base, free, push)
+        impulse[list(core.base)] += reaction
         self.fixed[1] = False
         return after
 
-    def push(self, impulse: Array) -> int:
-        """Apply a generalized impulse; return a status of the core."""
-        return int(self.core.push(impulse))
+    def push(self, impulse: Array) -> Array | None:
+        """Apply a generalized impulse; return the reaction as `SwitchingIntegrator.push`."""
+        return self.core.push(impulse)
 
     def check_linear(self, at: str, t: float, q: Array, before: Array, after: Array) -> None:
         """Stop if an impulse takes velocities off a constraint that is nonlinear in them."""
@@ -744,6 +746,11 @@ class RecordedInstants:
         self.limits: list[OneSidedLimits] = []
         self.open, self.first = False, 0
         self._entries: list[int] = []
+
+    @property
+    def recording(self) -> bool:
+        """Whether an event at this instant records columns."""
+        return bool(self._entries)
 
     def begin(self, left: Array, p: tuple[float, ...], first: int) -> None:
         """Begin an instant, with its limit from the left."""

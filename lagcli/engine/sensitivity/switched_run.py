@@ -19,6 +19,7 @@ from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.core.start_search import HeldRows
 from lagcli.engine.core.switching import DirectionalPrograms, SwitchingIntegrator
 from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.integrate.prepared import Prepared
@@ -180,22 +181,26 @@ class DifferentiatedActions(Actions):
             else:
                 state[:, index + (nq if what == "v" else 0)] = slopes[:, k]
         after, impulse = super().set(rule, y, values)
-        if count and (self.rows.velocities or self.rows.contacts):
+        rows = self.rows
+        if count and rows is not None and (rows.velocities.any() or rows.sign.any()):
             given = y[:-1].copy()
             for (what, index), value in zip(rule.targets, values, strict=True):
                 if what != "p":
                     given[index + (nq if what == "v" else 0)] = value
-            state = self._adjusted(given, times, state, p[:, : len(self.p)])
+            state = self._adjusted(rows, given, times, state, p[:, : len(self.p)])
         core.set_changes(state, p)
         self._pushed = np.zeros((len(state), nq))
         self._pushed[:, list(rule.impulses)] = slopes[:, count:]
         return after, impulse
 
-    def _adjusted(self, given: Array, times: Array, state: Array, p: Array) -> Array:
+    def _adjusted(
+        self, rows: HeldRows, given: Array, times: Array, state: Array, p: Array
+    ) -> Array:
         """Differentiate how the values that an event does not set follow, by central differences.
 
         Parameters
         ----------
+        rows : HeldRows
         given : (2 nq,) array
             The state with the values that the event sets.
         times, state, p : (n,), (n, 2 nq) and (n, np) arrays
@@ -206,10 +211,12 @@ class DifferentiatedActions(Actions):
             if np.isfinite(change).all() and np.isfinite(time):
                 # values that leave nothing free are on the constraints to first order only
                 with suppress(NoConsistentState):
-                    derivatives[k] = self._difference(given, float(time), change, of_p)
+                    derivatives[k] = self._difference(rows, given, float(time), change, of_p)
         return derivatives
 
-    def _difference(self, given: Array, time: float, change: Array, of_p: Array) -> Array:
+    def _difference(
+        self, rows: HeldRows, given: Array, time: float, change: Array, of_p: Array
+    ) -> Array:
         difference = np.zeros_like(given)
         size = max(1.0, *(float(np.abs(x).max(initial=0.0)) for x in (time, change, of_p)))
         for step, weight in _WEIGHTS.items():
@@ -222,15 +229,15 @@ class DifferentiatedActions(Actions):
                     at[: self.nq],
                     at[self.nq :],
                     self.fixed,
-                    self.rows,
+                    rows,
                     self.accuracy,
                 )
                 difference += side * weight * size / _STEP * np.concatenate([near.q, near.v])
         return difference
 
-    def push(self, impulse: Array) -> int:
-        """Apply a generalized impulse; return a status of the core."""
-        return int(self.core.push(impulse, self._pushed))
+    def push(self, impulse: Array) -> Array | None:
+        """Apply a generalized impulse; see the base class."""
+        return self.core.push(impulse, self._pushed)
 
     def activate(self, row: int, active: bool) -> None:
         """Release or engage a row."""

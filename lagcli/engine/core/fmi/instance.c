@@ -40,7 +40,7 @@ static const char *const reasons[] = {
     [LAG_NO_SIDE] = "a force jumps with a multiplier, and there are no forces on either side of the jump",
     [LAG_CORNER] = "a constraint has a corner, at which the velocities jump",
     [LAG_UNRESOLVED] = "the sign of a watched function cannot be determined",
-    [LAG_DISPLACED] = "constraints react to values that an event sets, or to its impulse, which only lagcli computes",
+    [LAG_CONFLICT] = "the constraints cannot hold at the values that an event sets",
     [LAG_NO_MEMORY] = "there is no memory",
 };
 

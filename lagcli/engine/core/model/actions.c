@@ -4,6 +4,7 @@
 #include "bind.h"
 #include "breaks.h"
 #include "contact/contact.h"
+#include "lagstart.h"
 #include "model/simulation.h"
 #include "motion.h"
 #include "switching/rows.h"
@@ -20,6 +21,37 @@ static const int change_of[] = {[LAG_CLOSES] = 0, [LAG_OPENS] = 1,  [LAG_SLIPS] 
 static double *entry_at(const lag_simulation *s, int64_t i)
 {
     return s->log->rows + i * s->width;
+}
+
+static void destroy_adjustment(void *owned)
+{
+    lag_adjustment **adjustment = owned;
+    if (*adjustment)
+        lag_destroy_adjustment(*adjustment);
+}
+
+/* Allocate what values that events set need. Returns 0, or 1 where there is no memory. */
+static int bind_displacement(lag_simulation *s)
+{
+    const lag_model *m = &s->model;
+    lag_displacement *d = &s->displacement;
+    const size_t nq = (size_t)m->equations.nq, nc = (size_t)m->rules.nc;
+    d->fixed = lag_get(&s->pool, 2 * nq, sizeof *d->fixed);
+    d->impulse = lag_doubles(&s->pool, m->rules.nc);
+    d->reaction = lag_doubles(&s->pool, m->equations.nc);
+    if (!(m->contents & LAG_MODEL_ADJUSTS))
+        return s->pool.failed;
+    d->positions = lag_get(&s->pool, nc, sizeof *d->positions);
+    d->velocities = lag_get(&s->pool, nc, sizeof *d->velocities);
+    d->sign = lag_get(&s->pool, nc, sizeof *d->sign);
+    d->no_gap = lag_doubles(&s->pool, m->rules.nc);
+    d->p = lag_doubles(&s->pool, m->whole.np);
+    /* its scratch is not part of the state */
+    lag_adjustment **adjustment = lag_own(&s->pool, sizeof *adjustment, destroy_adjustment);
+    if (s->pool.failed)
+        return 1;
+    d->adjustment = *adjustment = lag_make_adjustment(&s->pool.from, &m->whole, &m->mass);
+    return !d->adjustment;
 }
 
 int lag_events_bind(lag_simulation *s)
@@ -39,6 +71,8 @@ int lag_events_bind(lag_simulation *s)
     s->after = lag_doubles(&s->pool, 2 * nq + 1);
     if (s->pool.failed || !m->energy.output_count) /* the caller answers LAG_HAPPENED */
         return s->pool.failed;
+    if (bind_displacement(s))
+        return 1;
     return lag_bind(s->run, &s->pool, &s->actions, &m->actions)
            || lag_bind(s->run, &s->pool, &s->energy, &m->energy);
 }
@@ -127,61 +161,109 @@ static int is_in(const int32_t *list, int count, int row)
     return 0;
 }
 
-/* Whether constraints or closed contacts hold while an event sets values. */
-static int something_holds(const lag_simulation *s, const lag_event *e)
+/* What holds while an event sets values: constraints that it engages only where it sets velocities. */
+static void find_held(lag_simulation *s, const lag_event *e)
 {
     const lag_switching *sw = &s->run->switching;
-    if (s->run->system.nc)
-        return 1;
-    for (int i = 0; i < sw->exported; ++i) {
-        if (sw->law[i] == LAG_FREE && is_in(e->engage, e->engage_count, i))
-            return 1;
-        if (sw->active[i] && !is_in(e->release, e->release_count, i)
-            && (sw->law[i] == LAG_FREE || (sw->law[i] == LAG_UNILATERAL && sw->mode[i] == LAG_HOLDS)))
-            return 1;
+    lag_displacement *d = &s->displacement;
+    const size_t count = (size_t)sw->nc;
+    int sets_velocities = 0;
+    memset(d->positions, 0, count * sizeof *d->positions);
+    memset(d->velocities, 0, count * sizeof *d->velocities);
+    memset(d->sign, 0, count * sizeof *d->sign);
+    for (int i = 0; i < e->target_count; ++i)
+        sets_velocities |= e->kind[i] == OF_VELOCITY;
+    for (int i = 0; i < s->run->system.nc; ++i)
+        d->positions[sw->base[i]] = d->velocities[sw->base[i]] = 1;
+    for (int i = 0; i < sw->rows; ++i) {
+        const int constraint = sw->constraint[i], free = sw->law[i] == LAG_FREE;
+        const int engaged = is_in(e->engage, e->engage_count, i), released = is_in(e->release, e->release_count, i);
+        const int holds = i >= sw->exported || (free && sw->active[i] && !released);
+        d->positions[constraint] = holds;
+        d->velocities[constraint] = holds || (free && engaged && sets_velocities);
+        if (sw->law[i] == LAG_UNILATERAL && sw->active[i] && !released && sw->mode[i] == LAG_HOLDS) {
+            d->sign[constraint] = sw->sign[i] < 0.0 ? -1 : 1;
+            d->no_gap[constraint] = lag_gap_of_none(s->run, i);
+        }
     }
-    return 0;
 }
 
-/* Set values and apply impulses, with the work of that. Returns LAG_RUNNING, or why the motion ends. */
-static int change(lag_simulation *s, const lag_event *e, double *work)
+/* Let the values that events do not set follow onto the constraints; the impulse of that goes to `impulse`. Returns LAG_RUNNING, or
+ * why the motion ends. */
+static int follow(lag_simulation *s, const lag_event *e, double *y, double *impulse)
+{
+    lag_run *run = s->run;
+    lag_displacement *d = &s->displacement;
+    lag_report report;
+    find_held(s, e);
+    lag_report_of(run, &report);
+    const lag_held_rows held = {d->positions, d->velocities, d->sign, d->no_gap, report.atol + run->system.nq};
+    const int found = lag_adjust(d->adjustment, run->step.t, d->p, &held, d->fixed, y, impulse);
+    return found == LAG_START_FOUND       ? LAG_RUNNING
+           : found == LAG_START_UNDEFINED ? LAG_UNDEFINED
+           : found == LAG_START_NO_MEMORY ? LAG_NO_MEMORY
+                                          : LAG_CONFLICT;
+}
+
+/* The parameters of adjustments: without the branches. */
+static void set_parameters_of_adjustment(lag_simulation *s)
+{
+    const int first = s->model.rules.first_branch, kinks = s->model.rules.kinks;
+    memcpy(s->displacement.p, s->held, (size_t)first * sizeof(double));
+    memcpy(s->displacement.p + first, s->held + first + kinks, (size_t)(s->run->np - first - kinks) * sizeof(double));
+}
+
+/* Set values and apply impulses, with the work of that, the energy that moving constraints supply, and the impulse of all
+ * constraints. Returns LAG_RUNNING, or why the motion ends. */
+static int change(lag_simulation *s, const lag_event *e, double *work, double *supplied, double *impulse)
 {
     lag_run *run = s->run;
     const lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
-    const size_t bytes = (2 * (size_t)nq + 1) * sizeof(double);
     double *y = s->before, *after = s->after;
     const double start = energy(s, y);
+    int sets_parameters = 0, status = LAG_RUNNING;
     lag_tape_set(&s->actions, run->np, s->held);
     lag_evaluate_forces(run, &s->actions, run->step.t, y, sw->begin, sw->begin + nq);
-    if (((e->displaces && e->target_count) && something_holds(s, e)) || (e->impulse_count && run->system.nc))
-        return LAG_DISPLACED;
-    int sets_parameters = 0;
     for (int i = 0; i < e->target_count; ++i) {
         const double value = OUT(&s->actions, e->first + i);
-        if (e->kind[i] == OF_PARAMETER)
+        const int place = (e->kind[i] == OF_VELOCITY ? nq : 0) + e->target[i];
+        if (e->kind[i] == OF_PARAMETER) {
             s->p[e->target[i]] = value;
-        else
-            after[(e->kind[i] == OF_VELOCITY ? nq : 0) + e->target[i]] = value;
-        sets_parameters |= e->kind[i] == OF_PARAMETER;
+            sets_parameters = 1;
+        } else {
+            after[place] = value;
+            s->displacement.fixed[place] = 1;
+        }
     }
-    if (sets_parameters) {
-        lag_held_parameters(s);
+    lag_held_parameters(s);
+    if (s->displacement.adjustment)
+        set_parameters_of_adjustment(s);
+    if (s->displacement.adjustment && e->displaces && e->target_count)
+        status = follow(s, e, after, impulse);
+    if (status != LAG_RUNNING)
+        return status;
+    if (sets_parameters)
         lag_set_parameters(run, s->held);
-    }
     lag_place(run, after);
     if (e->impulse_count) {
-        double *push = s->none; /* nothing else uses it meanwhile */
+        double *push = s->none, *reaction = s->displacement.reaction; /* nothing else uses the first one meanwhile */
         for (int i = 0; i < e->impulse_count; ++i)
             push[e->impulse[i]] = OUT(&s->actions, e->first + e->target_count + i);
-        const int status = lag_push(run, push, NULL);
+        status = lag_push(run, push, NULL, reaction);
         memset(push, 0, (size_t)nq * sizeof *push);
         if (status != LAG_RUNNING)
             return status;
-        memcpy(after, run->step.y, bytes);
+        memcpy(after, run->step.y, (2 * (size_t)nq + 1) * sizeof *after);
+        for (int i = 0; i < run->system.nc; ++i)
+            impulse[sw->base[i]] += reaction[i];
+        memset(s->displacement.fixed + nq, 0, (size_t)nq * sizeof *s->displacement.fixed);
     }
-    *work = energy(s, after) - start;
-    after[2 * nq] = y[2 * nq] + *work;
+    const double gained = energy(s, after) - start;
+    if (s->displacement.adjustment)
+        *supplied = lag_supplied(s->displacement.adjustment, run->step.t, s->displacement.p, after, impulse);
+    *work = gained - *supplied;
+    after[2 * nq] = y[2 * nq] + gained;
     lag_place(run, after);
     return LAG_RUNNING;
 }
@@ -213,17 +295,21 @@ static int act(lag_simulation *s, int number)
     const lag_event *e = s->model.events + number;
     lag_run *run = s->run;
     const size_t bytes = (2 * (size_t)run->system.nq + 1) * sizeof(double);
-    double work = 0.0;
+    double work = 0.0, supplied = 0.0, *impulse = s->displacement.impulse;
+    memset(impulse, 0, (size_t)s->model.rules.nc * sizeof *impulse);
     memcpy(s->before, run->step.y, bytes);
     memcpy(s->after, run->step.y, bytes);
     if (reserve(s, INT64_C(1) + e->release_count + e->engage_count))
         return LAG_NO_MEMORY;
     if (e->target_count || e->impulse_count) {
-        const int status = change(s, e, &work);
+        const int status = change(s, e, &work, &supplied, impulse);
         if (status != LAG_RUNNING)
             return status;
     }
-    append(s, LAG_EVENT, number, s->before, s->after)[WORK] = work;
+    double *entry = append(s, LAG_EVENT, number, s->before, s->after);
+    entry[SUPPLIED] = supplied;
+    entry[WORK] = work;
+    memcpy(entry + s->width - s->model.rules.nc, impulse, (size_t)s->model.rules.nc * sizeof *entry);
     for (int i = 0; i < e->release_count; ++i) {
         lag_activate(run, e->release[i], 0);
         append(s, LAG_RELEASES, s->model.rules.constraint[e->release[i]], s->after, s->after);
@@ -263,6 +349,7 @@ int lag_events_happen(lag_simulation *s)
         s->open = 1;
         s->first = s->used;
     }
+    memset(s->displacement.fixed, 0, 2 * (size_t)run->system.nq * sizeof *s->displacement.fixed);
     for (int k = 0; k < s->model.event_count; ++k) {
         const lag_event *e = s->model.events + k;
         const int happens = is_triggered(s, e, until)

@@ -364,11 +364,26 @@ static void *room(lag_reader *in, lag_pool *pool, int count, size_t size)
     return made;
 }
 
+/* What adjustments need. */
+static void read_whole(lag_reader *in, lag_model *m)
+{
+    lag_equations *e = &m->whole;
+    *e = equations(in);
+    m->mass = lag_read_program(in, 1 + 2 * (int64_t)e->nq + e->np, e->nm);
+    if (in->status != LAG_MODEL_READ)
+        return;
+    if (!(m->contents & LAG_MODEL_SWITCHING) || e->nq != m->equations.nq || e->nc != m->rules.nc
+        || e->np != m->equations.np - m->rules.kinks)
+        lag_reject(in, LAG_MODEL_SIZES);
+    if (e->constraint.output_count < 2 * (int64_t)e->nh + e->nb + 3 * (int64_t)e->nc)
+        lag_reject(in, LAG_MODEL_OUTPUTS);
+}
+
 /* The parts of the model, in their order. */
 static void read_parts(lag_reader *in, lag_pool *pool, lag_model *m)
 {
     const int all = LAG_MODEL_PLAIN | LAG_MODEL_LOOP | LAG_MODEL_UNROLLED | LAG_MODEL_TIME | LAG_MODEL_SERIES
-                    | LAG_MODEL_JACOBIANS | LAG_MODEL_SWITCHING | LAG_MODEL_RECURSIVE;
+                    | LAG_MODEL_JACOBIANS | LAG_MODEL_SWITCHING | LAG_MODEL_RECURSIVE | LAG_MODEL_ADJUSTS;
     const int recursive = LAG_MODEL_PLAIN | LAG_MODEL_UNROLLED;
     const int has = m->contents = lag_read_int(in, 0, all);
     const lag_equations *e = &m->equations;
@@ -422,6 +437,8 @@ static void read_parts(lag_reader *in, lag_pool *pool, lag_model *m)
             events[i] = event(in, m);
         m->events = events;
     }
+    if (has & LAG_MODEL_ADJUSTS)
+        read_whole(in, m);
     if (m->problem.extra != m->rules.rows)
         lag_reject(in, LAG_MODEL_SIZES);
 }

@@ -4,6 +4,7 @@
 
 #include "archive.h"
 #include "lagmodel.h"
+#include "lagstart.h"
 #include "memory.h"
 #include "run.h"
 #include "tape/tape.h"
@@ -17,6 +18,16 @@ typedef struct {
 
 /* What follows: the start; steps; the instant at which an event has ended the motion; its sample. */
 enum lag_phase { LAG_AT_START, LAG_UNDER_WAY, LAG_SETTLING, LAG_LAST_SAMPLE, LAG_ENDED };
+
+/* What events that set values need: for lag_adjust, if there is anything that holds. */
+typedef struct {
+    lag_adjustment *adjustment;        /* NULL: nothing holds */
+    int *fixed;                        /* 2 nq: the values that events have set at this instant */
+    int *positions, *velocities, *sign; /* nc of all: see lag_held_rows */
+    double *no_gap, *impulse;          /* nc of all */
+    double *reaction;                  /* nc of the run */
+    double *p;                         /* parameters without branches */
+} lag_displacement;
 
 struct lag_simulation {
     lag_pool pool;
@@ -38,6 +49,7 @@ struct lag_simulation {
     double *p, *held;                  /* parameters that events set; with branches and pieces of functions */
     double *none;                      /* nq + nc zeros */
     double *before, *after;            /* 2 nq + 1: scratch */
+    lag_displacement displacement;
     int stopped;                       /* the event that has ended it; -1 */
     lag_event_log *log;
     int width;                         /* of its entries */

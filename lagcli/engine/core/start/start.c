@@ -6,6 +6,7 @@
 
 #include "bind.h"
 #include "linear/dense.h"
+#include "linear/dependent_rows.h"
 
 #define ITERATIONS 200      /* Newton steps */
 #define WEIGHTED 30         /* number of those of least length by M after which plain ones are taken: where a light part
@@ -19,9 +20,6 @@
 #define OF_GUESS 1e-5       /* part of the scale at the guess that a scale is, at least */
 #define OF_RANK 1e-8        /* part of a row that is independent of the rows before it, at least */
 #define CERTAINLY 1e-3      /* part of a row that is independent of those before it, for rows that need no singular values */
-#define SWEEPS 60           /* of rotations; some ten suffice */
-#define ORTHOGONAL 1e-15    /* a product of rows, of their lengths */
-#define NEGLIGIBLE 1e-3     /* length of a row that is not rotated any more, of that of one that is kept */
 #define NOTHING 1e-14       /* part of its terms that a sum is, at least, unless it vanishes */
 #define LONGEST 2.0         /* of the coordinates' size: longest step */
 static const double aside[] = {0.0, 1e-3, 0.1}; /* of it: displacements of a guess without a solution */
@@ -101,7 +99,7 @@ static void evaluate_tape(const lag_start_search *s, const lag_tape *tape, doubl
 }
 
 /* Evaluate the constraints at a state. */
-static void evaluate(lag_start_search *s, double t, const double *y)
+static void evaluate(const lag_start_search *s, double t, const double *y)
 {
     evaluate_tape(s, &s->constraint, t, y);
 }
@@ -190,102 +188,6 @@ static void set_unknowns(lag_start_search *s, const int *fixed, const double *q)
 }
 
 /* changes */
-
-/* In four sums, whose additions do not wait for each other. */
-static double product_of(int n, const double *x, const double *y)
-{
-    double sum[4] = {0.0};
-    int j = 0;
-    for (; j + 4 <= n; j += 4)
-        for (int k = 0; k < 4; ++k)
-            sum[k] += x[j + k] * y[j + k];
-    for (; j < n; ++j)
-        sum[0] += x[j] * y[j];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
-
-/*
- * Gram and Schmidt's orthogonalization of m rows of n entries, the one whose independent part is largest next, and those
- * left out whose independent part is less than `least` of their `length`. The rows and the lengths are destroyed. Returns the rank.
- */
-static int orthogonalize(double least, int m, int n, double *a, double *length)
-{
-    int rank = 0;
-    for (; rank < m && rank < n; ++rank) {
-        int next = -1;
-        double largest = least, rest = 0.0;
-        for (int i = 0; i < m; ++i) {
-            if (!(length[i] > 0.0))
-                continue;
-            const double square = product_of(n, a + i * n, a + i * n);
-            if (sqrt(square) > largest * length[i]) {
-                next = i;
-                rest = sqrt(square);
-                largest = rest / length[i];
-            }
-        }
-        if (next < 0)
-            break;
-        double *row = a + next * n;
-        length[next] = 0.0; /* done */
-        for (int j = 0; j < n; ++j)
-            row[j] /= rest;
-        for (int i = 0; i < m; ++i) {
-            if (!(length[i] > 0.0))
-                continue;
-            for (int pass = 0; pass < 2; ++pass) { /* the second one removes rounding */
-                const double product = product_of(n, row, a + i * n);
-                for (int j = 0; j < n; ++j)
-                    a[i * n + j] -= product * row[j];
-            }
-        }
-    }
-    return rank;
-}
-
-/*
- * Combine m rows of n entries, and their right sides, by rotations (Jacobi) until they are orthogonal: their lengths are then the
- * singular values. Keep those that are larger than `least`; what the others say of the right side is dropped, as by least
- * squares. `square`: scratch, m. Returns the rank.
- */
-static int combine(double least, int m, int n, double *a, double *right, double *square)
-{
-    const double nothing = NEGLIGIBLE * least * (NEGLIGIBLE * least); /* such rows are rounding errors of the others */
-    int rank = 0, turned = 1;
-    for (int sweep = 0; sweep < SWEEPS && turned; ++sweep) {
-        turned = 0;
-        for (int i = 0; i < m; ++i)
-            square[i] = product_of(n, a + i * n, a + i * n);
-        for (int i = 0; i < m; ++i)
-            for (int k = i + 1; k < m && square[i] > nothing; ++k) {
-                double *x = a + i * n, *y = a + k * n;
-                if (!(square[k] > nothing))
-                    continue;
-                const double xy = product_of(n, x, y);
-                if (!(fabs(xy) > ORTHOGONAL * sqrt(square[i] * square[k])))
-                    continue;
-                const double ratio = (square[k] - square[i]) / (2.0 * xy);
-                const double tangent = copysign(1.0, ratio) / (fabs(ratio) + sqrt(1.0 + ratio * ratio));
-                const double c = 1.0 / sqrt(1.0 + tangent * tangent), s = c * tangent, r = right[i];
-                for (int j = 0; j < n; ++j) {
-                    const double of_x = x[j];
-                    x[j] = c * of_x - s * y[j];
-                    y[j] = s * of_x + c * y[j];
-                }
-                right[i] = c * r - s * right[k];
-                right[k] = s * r + c * right[k];
-                square[i] = fmax(square[i] - tangent * xy, 0.0);
-                square[k] += tangent * xy;
-                turned = 1;
-            }
-    }
-    for (int i = 0; i < m; ++i)
-        if (sqrt(product_of(n, a + i * n, a + i * n)) > least) {
-            memmove(a + rank * n, a + i * n, (size_t)n * sizeof *a);
-            right[rank++] = right[i];
-        }
-    return rank;
-}
 
 /* Find the sizes of coordinates without inertia, those that make their parts in the rows of B as large as those of others. */
 static void complete_sizes(lag_start_search *s)
@@ -386,7 +288,7 @@ static int solve_least(lag_start_search *s, int rank, int by_mass)
             for (int j = 0; j < nq; ++j)
                 k[i * n + j] = s->fixed[j] ? 0.0 : s->mass[i * nq + j];
     for (int r = 0; r < rank; ++r) {
-        const double *row = s->rows + r * nq, length = sqrt(product_of(nq, row, row));
+        const double *row = s->rows + r * nq, length = sqrt(lag_product(nq, row, row));
         for (int j = 0; j < nq; ++j)
             k[(nq + r) * n + j] = k[j * n + nq + r] = row[j] / length;
         z[nq + r] = s->right[r] / length;
@@ -429,9 +331,9 @@ static void find_least_change(lag_start_search *s, int m, double least, const do
     }
     memset(s->x, 0, (size_t)nq * sizeof *s->x);
     memcpy(s->tested, s->rows, (size_t)m * (size_t)nq * sizeof *s->rows);
-    int rank = orthogonalize(CERTAINLY, m, nq, s->tested, s->lengths);
+    int rank = lag_orthogonalize(CERTAINLY, m, nq, s->tested, s->lengths);
     if (rank < m)
-        rank = combine(least, m, nq, s->rows, s->right, s->lengths);
+        rank = lag_combine(least, m, nq, s->rows, 1, s->right, s->lengths);
     if (rank && (!weighted || weigh(s, q) || solve_least(s, rank, 1)))
         solve_least(s, rank, 0);
 }
@@ -820,6 +722,17 @@ void lag_find_velocities(lag_start_search *s, double t, int64_t count, const dou
     find_rows(s, find_velocities, t, count, p, holds, fixed, y, found);
 }
 
+int lag_start_begin(lag_start_search *s, const double *p)
+{
+    return begin(s, p, NULL);
+}
+
+void lag_start_evaluate(lag_start_search *s, double t, const double *y)
+{
+    evaluate(s, t, y);
+    measure(s, t, y);
+}
+
 const double *lag_least_scales(const lag_start_search *s)
 {
     return s->least;
@@ -849,7 +762,7 @@ int lag_start_rank(lag_start_search *s, const lag_equations *e, const lag_tape *
         lengths[i] = square > 0.0 ? sqrt(square) : 1.0;
         plain_lengths[i] = plain > 0.0 ? sqrt(plain) : 1.0;
     }
-    return orthogonalize(OF_RANK, e->nc, nq, s->rows, s->lengths);
+    return lag_orthogonalize(OF_RANK, e->nc, nq, s->rows, s->lengths);
 }
 
 lag_start_search *lag_make_start_search(const lag_equations *equations, const lag_program *dynamics, const int32_t *spins,

@@ -60,6 +60,12 @@ int lag_start_bind(lag_pool *pool, lag_start_search *search, int rows);
  * the orientation. `fixed` are 2 nq. Returns a lag_start_status. */
 int lag_start_find(lag_start_search *search, double t, const double *p, const int *fixed, double *y);
 
+/* Give the tapes their parameters; all constraints hold. Returns 0, or 1 where there is no memory. */
+int lag_start_begin(lag_start_search *search, const double *p);
+
+/* Evaluate the constraints, M and the sizes of the coordinates at a state, after a search. */
+void lag_start_evaluate(lag_start_search *search, double t, const double *y);
+
 /* Measure the rows of a Jacobian of nc rows, nb entries in a tape from `first` on, times sizes, and without them, to `lengths`
  * and `plain_lengths` (nc, at most as many as the search has). Returns their rank. */
 int lag_start_rank(lag_start_search *search, const lag_equations *equations, const lag_tape *tape, const double *sizes,

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "derivatives/jumps.h"
+#include "left_out.h"
 #include "motion.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -195,6 +196,8 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     report->gained = lost < -terms ? -lost : 0.0;
     double *added = p.extra;
     report->supplied = apply(run, y, n, p.rows, result.impulse, added);
+    if (lag_left_out(run))
+        lag_share_multipliers(run, added + run->system.nq);
     lag_gather_multipliers(run, added + run->system.nq, report->impulse, report->all);
     return motions;
 }

@@ -5,6 +5,7 @@
 #include "bind.h"
 #include "breaks.h"
 #include "derivatives/jumps.h"
+#include "left_out.h"
 #include "motion.h"
 #include "switching/accumulation.h"
 #include "switching/crossing.h"
@@ -176,7 +177,7 @@ void lag_activate(lag_run *run, int row, int active)
         sw->mode[row] = sw->mode_before[row] = LAG_OPEN;
 }
 
-int lag_push(lag_run *run, const double *impulse, const double *changes)
+int lag_push(lag_run *run, const double *impulse, const double *changes, double *reaction)
 {
     const int nq = run->system.nq;
     double *y = run->step.y, *work = run->switching.response, sum = 0.0;
@@ -193,6 +194,9 @@ int lag_push(lag_run *run, const double *impulse, const double *changes)
         y[nq + i] += work[i];
     y[2 * nq] += sum;
     run->switching.moved = 1;
+    if (lag_left_out(run))
+        lag_share_multipliers(run, work + nq);
+    memcpy(reaction, work + nq, (size_t)run->system.nc * sizeof(double));
     return LAG_RUNNING;
 }
 

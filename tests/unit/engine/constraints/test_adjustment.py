@@ -9,18 +9,16 @@ import pytest
 from lowered import lowered
 
 import lagcli
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.adjustment import (
-    ClosedContact,
+    Adjustment,
     Deviation,
     adjusted,
-    adjusted_positions,
-    adjusted_velocities,
     held_during,
-    impulse_of,
     nearest_position,
 )
 from lagcli.engine.constraints.initial import NoConsistentState
+from lagcli.engine.core.start_search import HeldRows
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.switching.switching import EventRule, RowMode
 from lagcli.engine.system import System
@@ -51,17 +49,21 @@ def evaluator() -> Evaluator:
     return Evaluator(system(), ())
 
 
-def rows_of(**fields: object) -> tuple[list[int], list[int], dict[int, ClosedContact]]:
+def rows_of(**fields: object) -> tuple[list[int], list[int], dict[int, int]]:
     switching = system().switching
     assert switching is not None
     rule = EventRule("e", **fields)  # type: ignore[arg-type]
     modes = [RowMode.HOLDS, RowMode.OPEN, RowMode.OPEN, RowMode.HOLDS]
     found = held_during(switching, rule, 5, [True, True, False, True], modes, lambda k: 1e-9)
-    return list(found.positions), list(found.velocities), dict(found.contacts)
+    positions, velocities = (
+        np.flatnonzero(x).tolist() for x in (found.positions, found.velocities)
+    )
+    np.testing.assert_array_equal(found.no_gap, 1e-9 * np.abs(found.sign))
+    return positions, velocities, {int(k): int(found.sign[k]) for k in np.flatnonzero(found.sign)}
 
 
 def test_rows_that_hold_during_an_event() -> None:
-    floor = {1: ClosedContact(1, 1e-9)}
+    floor = {1: 1}
     assert rows_of() == ([0], [0], floor)
     assert rows_of(engage=(3,)) == ([0], [0], floor)
     # velocities that are set hold on what is engaged with them
@@ -69,57 +71,71 @@ def test_rows_that_hold_during_an_event() -> None:
     assert rows_of(release=(1,)) == ([0], [0], {})
 
 
+def held(*rows: int, closed: dict[int, int] | None = None, count: int = 5) -> HeldRows:
+    holds, sign = np.zeros((2, count), dtype=np.int32)
+    holds[list(rows)] = 1
+    for row, side in (closed or {}).items():
+        sign[row] = side
+    return HeldRows(holds, holds, sign, 1e-9 * np.abs(sign))
+
+
+def moved(q: list[float], v: list[float], rows: HeldRows, fixed: Flags = FREE) -> Adjustment:
+    return adjusted(evaluator(), 0.0, np.array(q), np.array(v), fixed, rows, EXACT)
+
+
+def fixed_values(*places: tuple[int, int]) -> Flags:
+    fixed = FREE.copy()
+    for place in places:
+        fixed[place] = True
+    return fixed
+
+
 def test_the_nearest_position_in_the_metric_of_mass() -> None:
-    start, v = np.array([1.0, 1.0, 2.0]), np.zeros(3)
-    found = adjusted_positions(evaluator(), 0.0, start, v, FREE[0], [0], {})
+    start, still = [1.0, 1.0, 2.0], [0.0] * 3
+    found = moved(start, still, held(0)).q
     # -1 divided by 1 : 1/2 : 1/4
     np.testing.assert_allclose(found, start - np.array([4, 2, 1]) / 7, atol=1e-14)
-    fixed = np.array([True, False, False])
-    found = adjusted_positions(evaluator(), 0.0, start, v, fixed, [0], {})
+    found = moved(start, still, held(0), fixed_values((0, 0))).q
     np.testing.assert_allclose(found, start - np.array([0, 2, 1]) / 3, atol=1e-14)
-    closed = {1: ClosedContact(1, 1e-9)}
-    low = np.array([1.0, 1.0, 1.0 + 1 / 7])
-    found = adjusted_positions(evaluator(), 0.0, np.array([1.0, 2, 1]), v, FREE[0], [0], closed)
+    closed = held(0, closed={1: 1})
+    found = moved([1.0, 2, 1], still, closed).q
     np.testing.assert_allclose(found, [1 - 2 / 3, 2 - 1 / 3, 1], atol=1e-14)
-    found = adjusted_positions(evaluator(), 0.0, low, v, FREE[0], [0], closed)
+    found = moved([1.0, 1.0, 1.0 + 1 / 7], still, closed).q
     assert found[2] > 1  # it opens
-    with pytest.raises(NoConsistentState):
-        adjusted_positions(evaluator(), 0.0, start, v, np.ones(3, dtype=bool), [0], {})
+    with pytest.raises(NoConsistentState) as caught:
+        moved(start, still, held(0), fixed_values((0, 0), (0, 1), (0, 2)))
+    assert caught.value.level == "position"
+
+
+def test_velocities_that_contradict_the_constraints() -> None:
+    fixed = fixed_values((1, 0), (1, 1), (1, 2))
+    with pytest.raises(NoConsistentState) as caught:
+        moved([1.0, 1.0, 1.0], [1.0, 0, 0], held(0), fixed)
+    assert caught.value.level == "velocity"
+    # by no more than their errors
+    allowed = adjusted(
+        evaluator(), 0.0, np.ones(3), np.array([1.0, 0, 0]), fixed, held(0), np.full(3, 0.5)
+    )
+    np.testing.assert_array_equal(allowed.v, [1, 0, 0])
 
 
 def test_contacts_push_and_do_not_pull() -> None:
-    q, closed = np.array([1.0, 1.0, 1.0]), {1: ClosedContact(1, 1e-9)}
-    up = adjusted_velocities(
-        evaluator(), 0.0, q, np.array([-7.0, 0, 0]), FREE[1], [0], closed, EXACT
-    )
+    q, closed = [1.0, 1.0, 1.0], held(0, closed={1: 1})
+    up = moved(q, [-7.0, 0, 0], closed)
     np.testing.assert_allclose(up.v, [-3, 2, 1], atol=1e-14)
     np.testing.assert_allclose(up.impulse, [4, 0, 0, 0, 0], atol=1e-13)
-    down = adjusted_velocities(
-        evaluator(), 0.0, q, np.array([3.0, 0, 0]), FREE[1], [0], closed, EXACT
-    )
+    down = moved(q, [3.0, 0, 0], closed)
     np.testing.assert_allclose(down.v, [1, -1, 0], atol=1e-14)
     np.testing.assert_allclose(down.impulse, [-2, 2, 0, 0, 0], atol=1e-13)
     # a fixed velocity into the floor: an impact follows, which is none of this
-    fixed = np.array([False, False, True])
-    into = adjusted_velocities(
-        evaluator(), 0.0, q, np.array([0, 0, -3.0]), fixed, [0], closed, EXACT
-    )
+    into = moved(q, [0, 0, -3.0], closed, fixed_values((1, 2)))
     np.testing.assert_allclose(into.v, [2, 1, -3], atol=1e-14)
     np.testing.assert_allclose(into.impulse, [2, 0, 0, 0, 0], atol=1e-13)
 
 
 def test_a_contact_away_from_its_surface_takes_no_part() -> None:
-    q = np.array([0.5, 1.0, 1.5])
-    closed = {1: ClosedContact(1, 1e-9), 2: ClosedContact(-1, 1e-9)}
-    fixed = FREE.copy()
-    fixed[0, 2] = True
-    switching = system().switching
-    assert switching is not None
-    held = held_during(
-        switching, EventRule("e"), 5, [True] * 4, [RowMode.HOLDS] * 4, lambda k: 1e-9
-    )
-    found = adjusted(evaluator(), 0.0, q, np.array([0, 0, -1.0]), fixed, held, EXACT)
-    assert held.contacts == closed
+    closed = held(0, closed={1: 1, 2: -1})
+    found = moved([0.5, 1.0, 1.5], [0, 0, -1.0], closed, fixed_values((0, 2)))
     assert found.v[2] < 0
     assert found.impulse[1] == 0
 
@@ -128,12 +144,57 @@ def test_the_impulse_of_redundant_rows_is_of_least_norm() -> None:
     text = "coordinates: [x]\nT: x'^2/2\nV: 0\nconstraints: {a: x = 1, b: 2*x = 2}\n"
     text += "initial: {x: 1, x': 0}\n"
     known = Evaluator(simulation.prepare(lagcli.load_text(text)).system, ())
-    q, change, free = np.ones(1), np.array([5.0]), np.ones(1, dtype=bool)
-    found = impulse_of(known, 0.0, q, change, change, [0, 1], free)
-    np.testing.assert_allclose(found, [1, 2], atol=1e-14)
-    found = impulse_of(known, 0.0, q, change, change, [0, 1], free, np.array([5.0]))
-    np.testing.assert_allclose(found, [0, 0], atol=1e-14)
-    assert not impulse_of(known, 0.0, q, change, change, [], free).any()
+    for rows, expected in (((0, 1), [-1.0, -2.0]), ((0,), [-5.0, 0.0]), ((), [0.0, 0.0])):
+        free = np.zeros((2, 1), dtype=bool)
+        given = held(*rows, count=2)
+        found = adjusted(known, 0.0, np.ones(1), np.array([5.0]), free, given, np.zeros(1))
+        np.testing.assert_allclose(found.impulse, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_random_impulses(seed: int) -> None:
+    """M Δv = BᵀΛ of the free velocities, B v = 0, with Λ of least norm: dense algebra's solution."""
+    random = np.random.default_rng(seed)
+    n, m = int(random.integers(2, 7)), int(random.integers(1, 5))
+    rows = random.normal(size=(m, n)) * 10.0 ** random.uniform(-2, 2, (m, 1))
+    if m > 2 and seed % 2:
+        rows[1] = rows[0] * random.normal() + rows[2]
+    mass = np.diag(10.0 ** random.uniform(-3, 3, n))
+    names = [f"q{i}" for i in range(n)]
+    kinetic = " + ".join(f"{float(mass[i, i])!r}*{x}'^2/2" for i, x in enumerate(names))
+    sums = [
+        " + ".join(f"({b!r})*{x}" for b, x in zip(row, names, strict=True)) for row in rows.tolist()
+    ]
+    constraints = ", ".join(f"c{k}: '{total} = 0'" for k, total in enumerate(sums))
+    initial = ", ".join(f"{x}: {{guess: 0}}, {x}': {{guess: 0}}" for x in names)
+    text = f"coordinates: [{', '.join(names)}]\nT: {kinetic}\nconstraints: {{{constraints}}}\n"
+    system, p = lowered(lagcli.load_text(f"{text}initial: {{{initial}}}\n"))
+    free, v = np.ones(n, bool), random.normal(size=n)
+    free[: int(random.integers(0, max(1, n - m)))] = False
+    fixed = np.array([np.zeros(n, bool), ~free])
+    found = adjusted(
+        Evaluator(system, p), 0.0, np.zeros(n), v, fixed, held(*range(m), count=m), np.zeros(n)
+    )
+    b = rows[:, free]
+    inverse = np.diag(1 / np.diag(mass)[free])
+    root = np.sqrt(inverse)
+    # in units in which all masses are 1, and all rows have length 1
+    unit = b @ root / np.linalg.norm(b @ root, axis=1)[:, None]
+    psi = rows @ v / np.linalg.norm(b @ root, axis=1)
+    change = np.zeros(n)
+    change[free] = -root @ np.linalg.pinv(unit, rcond=1e-8) @ psi
+    np.testing.assert_allclose(found.v, v + change, atol=1e-9 * np.abs(change).max() + 1e-14)
+    impulse = np.linalg.lstsq(root @ b.T, root @ (mass @ change)[free], rcond=1e-13)[0]
+    np.testing.assert_allclose(
+        found.impulse @ b, impulse @ b, atol=1e-9 * np.abs(impulse @ b).max()
+    )
+    if np.linalg.matrix_rank(unit, 1e-8) < m:
+        _, values, right = np.linalg.svd(b.T)
+        idle = right[np.sum(values > 1e-12 * values[0]) :]
+        # how redundant rows share it is known to the rounding errors of rows that count as none
+        assert np.abs(idle @ found.impulse).max() <= 1e-7 * np.abs(found.impulse).max()
+    else:
+        np.testing.assert_allclose(found.impulse, impulse, atol=1e-8 * np.abs(impulse).max())
 
 
 def of(constraints: str, coordinates: str = "x, y") -> Evaluator:

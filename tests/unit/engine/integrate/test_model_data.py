@@ -321,16 +321,15 @@ def test_a_singular_start_has_no_data(method: str) -> None:
     assert str(stop.value) == by_simulate(simulation).why
 
 
-def test_values_that_others_must_follow_end_the_run(tmp_path: Path) -> None:
-    """The nearest state on the constraints is found by lagcli alone."""
+def test_values_that_contradict_the_constraints_end_the_run(tmp_path: Path) -> None:
     text = (MODELS / "pendulum_cartesian.yaml").read_text("utf-8")
-    text += "events:\n  kick: {when: t >= 0.5, set: {x': 1}}\n"
-    file = tmp_path / "kicked.yaml"
+    text += "events:\n  far: {when: t >= 0.5, set: {x: 3}}\n"
+    file = tmp_path / "far.yaml"
     file.write_text(text, "utf-8")
     simulation = prepare(lagcli.load(file))
     made = Simulated(model_data(simulation.system, simulation.request, ("DOP853",)), "DOP853")
-    assert made.run() == Status.DISPLACED
-    assert made.run() == Status.DISPLACED
+    assert made.run() == Status.CONFLICT
+    assert made.run() == Status.CONFLICT
     assert made.t == pytest.approx(0.5)
 
 
