@@ -72,9 +72,9 @@ def check_equal_alone(
         assert (run.status, run.counts, run.modes) == (single.status, single.counts, single.modes)
         assert rank == request.rank
         np.testing.assert_array_equal(samples, np.concatenate(blocks))
-        assert len(run.events) == len(single.events)
+        assert len(run.events or ()) == len(single.events or ())
         for name in ("time", "occurrence", "after", "impulse", "loss"):
-            if len(single.events):
+            if single.events:
                 np.testing.assert_array_equal(run.events.part(name), single.events.part(name))
         ends.append(run.status)
     return ends, [run for _, run, _ in together]

@@ -153,7 +153,7 @@ def test_the_impulse_of_redundant_rows_is_of_least_norm() -> None:
 
 @pytest.mark.parametrize("seed", range(60))
 def test_random_impulses(seed: int) -> None:
-    """M Δv = BᵀΛ of the free velocities, B v = 0, with Λ of least norm: dense algebra's solution."""
+    """M Δv = BᵀΛ of free velocities, B v = 0, Λ of least norm: the solution of dense algebra."""
     random = np.random.default_rng(seed)
     n, m = int(random.integers(2, 7)), int(random.integers(1, 5))
     rows = random.normal(size=(m, n)) * 10.0 ** random.uniform(-2, 2, (m, 1))
