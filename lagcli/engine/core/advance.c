@@ -225,6 +225,10 @@ int lag_advance(lag_run *run, int64_t slice)
                 continue; /* the step is repeated */
             if (status == LAG_RUNNING && !run->switching.due)
                 status = finish(run);
+            if ((status == LAG_INACCURATE || status == LAG_UNDEFINED) && run->step.finishing) {
+                run->step.finishing = run->switching.located = 0; /* the state is that before the step */
+                take_back(run, 1.0);
+            }
             if (status != LAG_RUNNING || (run->switching.due && run->switching.waits))
                 return status;
             const int approach = run->watch.mode && !run->switching.due ? lag_follow_approach(run) : LAG_RUNNING;

@@ -121,6 +121,13 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
         bad = !isfinite(accelerate_derivatives(run, t, y, refined, x));
     if (bad)
         return lag_failed(run, t, y);
+    if (run->solver.verifies && nc && lag_inaccuracy_of_last(run, t, y) > lag_allowed_inaccuracy(run)) {
+        if (lag_allow_dense(run, 0))
+            return 1;
+        run->solver.dense_steps = 1;
+        --run->step.evaluations;
+        return lag_accelerate_system(run, t, y, 1, power);
+    }
     if (own) {
         *power = OUT(d, lag_first_total_power(s));
         return 0;
@@ -140,14 +147,13 @@ int lag_accelerate_on_branch(lag_run *run, double t, const double *y, int refine
     return run->switching.acting && lag_add_forces(run, t, y, power) ? lag_failed(run, t, y) : 0;
 }
 
-double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
+double lag_inaccuracy_of_last(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
     const int nq = s->nq, n = nq + s->nc;
-    double *r = run->step.work, *size = run->step.work + n, *x = run->solver.solution, power, all = 0.0;
-    if (lag_solving_by(run) == LAG_BY_LU || lag_accelerate_system(run, t, y, refined, &power))
-        return 0;
-    --run->step.evaluations;
+    double *r = run->step.work, *size = run->step.work + n, *x = run->solver.solution, all = 0.0;
+    if (lag_solving_by(run) == LAG_BY_LU)
+        return 0.0;
     right_side(run);
     if (s->blocks > 1) {
         if (s->complete)
@@ -165,6 +171,15 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
         size[i] += NEXT_TO_ALL * all;
     const double most = run->system.vectors->largest(n, r, size, size);
     return isnan(most) ? INFINITY : most;
+}
+
+double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
+{
+    double power;
+    if (lag_solving_by(run) == LAG_BY_LU || lag_accelerate_system(run, t, y, refined, &power))
+        return 0.0;
+    --run->step.evaluations;
+    return lag_inaccuracy_of_last(run, t, y);
 }
 
 double lag_contradiction(lag_run *run, double t, const double *y)

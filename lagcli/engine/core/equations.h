@@ -22,6 +22,9 @@ int lag_accelerate_on_branch(lag_run *run, double t, const double *y, int refine
  * residual is left in run->step.work. */
 double lag_inaccuracy(lag_run *run, double t, const double *y, int refined);
 
+/* The same of a and lambda that lag_accelerate_system has found at a state, directly after it. */
+double lag_inaccuracy_of_last(lag_run *run, double t, const double *y);
+
 /* How far redundant constraints contradict each other in B a = gamma at a state, next to the terms of
  * this; 0 where none is redundant. Where rows are left out: how far a is from satisfying these. */
 double lag_contradiction(lag_run *run, double t, const double *y);

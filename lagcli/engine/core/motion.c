@@ -14,6 +14,14 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     return lag_accelerate_on_branch(run, t, y, refined, power);
 }
 
+int lag_accelerate_accurately(lag_run *run, double t, const double *y, int refined, double *power)
+{
+    run->solver.verifies = 1;
+    const int undefined = lag_accelerate(run, t, y, refined, power);
+    run->solver.verifies = 0;
+    return undefined;
+}
+
 int lag_derivative(lag_run *run, double t, const double *y, double *f)
 {
     const lag_system *s = &run->system;

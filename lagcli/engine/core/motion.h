@@ -8,6 +8,10 @@
  * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
 
+/* The same where no step ends, so that nothing else checks how accurate the elimination is: if it is not, the dense solution is
+ * used, until solver.dense_steps is set back. */
+int lag_accelerate_accurately(lag_run *run, double t, const double *y, int refined, double *power);
+
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
 

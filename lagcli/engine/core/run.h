@@ -90,6 +90,7 @@ typedef struct {
     enum lag_solution by;
     int64_t dense_steps;               /* of steps to take by dense LU, one more: also up to the next one */
     int refinable;                     /* whether solutions may be refined before an order is replaced */
+    int verifies;                      /* whether each a and lambda is checked: lag_accelerate_accurately */
     int refining;                      /* whether y' needs a refined solution ... */
     int accurate_steps;                /* ... and the consecutive steps that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end ... */

@@ -22,12 +22,25 @@ static void write_multipliers(const lag_run *run, double *multipliers)
         multipliers[sw->constraint[i]] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
 }
 
+/* Find a and lambda, the least of those that are not unique. Returns 0, or 1 where they are undefined. */
+static int accelerate(lag_run *run, double t, const double *y)
+{
+    const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU
+                        || run->solver.inaccuracy > FINE * run->settings.rtol;
+    double power;
+    if (lag_accelerate_accurately(run, t, y, refined, &power))
+        return 1;
+    if (!lag_left_out(run) || !lag_share_multipliers(run, run->solver.multipliers))
+        return 0;
+    run->solver.dense_steps = 1;
+    return lag_accelerate(run, t, y, 1, &power);
+}
+
 /* Write the consistent state next to y, with its a and lambda. */
-static int write_row(lag_run *run, double t, double *y, double *row)
+static int write_consistent(lag_run *run, double t, double *y, double *row)
 {
     const lag_system *s = &run->system;
     const int nq = s->nq, nc = s->nc;
-    double power;
     if (lag_projects(run)) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
@@ -35,18 +48,8 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     }
     if (run->derivatives.n && lag_project_changes(run, t, y))
         return LAG_UNDEFINED;
-    const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU
-                        || run->solver.inaccuracy > FINE * run->settings.rtol;
-    if (lag_accelerate(run, t, y, refined, &power))
+    if (accelerate(run, t, y))
         return LAG_UNDEFINED;
-    if (lag_left_out(run) && lag_share_multipliers(run, run->solver.multipliers)) {
-        const int64_t dense_steps = run->solver.dense_steps;
-        run->solver.dense_steps = 1;
-        const int bad = lag_accelerate(run, t, y, 1, &power);
-        run->solver.dense_steps = dense_steps;
-        if (bad)
-            return LAG_UNDEFINED;
-    }
     if (run->switching.acting && run->switching.redundant)
         lag_share_forces(run, t, y);
     row[0] = t;
@@ -60,6 +63,15 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     if (run->derivatives.n && lag_write_changes(run, t, y, row + lag_sample_size(s) + run->samples.extra))
         return LAG_UNDEFINED;
     return LAG_RUNNING;
+}
+
+/* The same; what the elimination cannot do accurately is done by the dense solution, for this row alone. */
+static int write_row(lag_run *run, double t, double *y, double *row)
+{
+    const int64_t dense_steps = run->solver.dense_steps;
+    const int status = write_consistent(run, t, y, row);
+    run->solver.dense_steps = dense_steps;
+    return status;
 }
 
 /* Store the sample at a time, which may lie within the last step. */

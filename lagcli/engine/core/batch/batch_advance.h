@@ -297,7 +297,8 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
     const double t_end = s->settings->t_end;
     EACH_LANE (l)
         end[l] = h[l] == t_end - s->t[l] ? t_end : s->t[l] + h[l];
-    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->settings->rtol) & ~s->all_rows);
+    batch_solution(&s->moving, s->moving.x);
+    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->moving.x, s->settings->rtol) & ~s->all_rows);
     batch_sizes_energy(s, lanes, s->y_new, NULL);
     if (s->detecting)
         lanes = batch_leave_all(s, lanes, batch_stiff(s, lanes, h));

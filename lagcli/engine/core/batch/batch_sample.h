@@ -119,9 +119,10 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
     }
     batch_evaluate(&o->dynamics, system, t, y, LAG_ALL);
     batch_refined(o, o->x);
+    const int inaccurate = nc ? batch_inaccurate(o, o->x, s->settings->rtol) : 0;
     batch_respond(o);
     for (int i = 0; i < count; ++i) {
-        if (batch_strays(s, l, first + i, o->x, i))
+        if (HAS(inaccurate, i) || batch_strays(s, l, first + i, o->x, i))
             return 1;
         double *row = batch_row(s, l, first + i);
         double *state = row + lag_sample_q(system), *unknowns = row + lag_sample_a(system);

@@ -126,15 +126,14 @@ static int batch_leaves_out(const lag_octet *o, const int32_t *places, int row)
     return 0;
 }
 
-/* The lanes in which the elimination is not accurate enough: lag_inaccuracy of equations.c. */
-static int batch_inaccurate(const lag_octet *o, double rtol)
+/* The lanes in which x is not accurate enough: lag_inaccuracy of equations.c. */
+static int batch_inaccurate(const lag_octet *o, const double *x, double rtol)
 {
     const int n = o->system->nq + o->system->nc;
     double *r = o->work, *size = o->work + n * LAG_LANES;
     const double allowed = fmin(fmax(ACCURATE * rtol, MOST_ACCURATE), LEAST_ACCURATE);
     int bad_lanes = 0;
-    batch_solution(o, o->x);
-    batch_residual(o, o->x, r, size);
+    batch_residual(o, x, r, size);
     EACH_PART (k) {
         vec largest = all(0.0);
         mask bad = {0};

@@ -245,9 +245,8 @@ int lag_look_for_instant(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
-    if (!lag_is_accurate(run, sw->instant, sw->before) /* a power series cannot wait for another elimination */
-        && !(run->stepped->uses_series && !lag_allow_dense(run, 1)))
-        return LAG_INACCURATE;
+    if (!lag_is_accurate(run, sw->instant, sw->before) && lag_allow_dense(run, 1)) /* for the step after it, too */
+        return LAG_NO_MEMORY;
     for (int c = 0; c < sw->conditions; ++c)
         sw->condition[c].off = lag_condition_value(run, c, sw->instant, sw->before);
     if (lag_projects(run) && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
