@@ -379,7 +379,7 @@ def ball() -> bytes:
         (0, 1, "format"),
         (1, 1, "format"),
         (2, 7, "length"),
-        (3, 512, "index"),
+        (3, 1024, "index"),
         (3, 128, "sizes"),  # of derivatives
         (3, 256 + 1, "sizes"),  # a recursive form that is not unrolled
         (3, 64, "sizes"),  # no dynamics
