@@ -35,6 +35,17 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     lag_tape_run(tape, part ? &tape->output_subsets[part - 1] : &tape->stream);
 }
 
+void lag_evaluate_slice(const lag_tape *tape, const lag_slice *slice, double t, const double *y)
+{
+    double *r = tape->registers;
+    for (int i = 0; i < slice->count; ++i) {
+        const int32_t input = slice->inputs[i];
+        r[input] = input ? y[input - 1] : t;
+    }
+    tape->held[0] = LAG_NOTHING;
+    tape->vectors->run(slice->stream.code, r);
+}
+
 const lag_tape *lag_equations_tape(const lag_system *s)
 {
     const lag_tape *d = &s->dynamics, *e = &s->equations;

@@ -2,6 +2,7 @@
 #ifndef LAGCLI_EVALUATE_H
 #define LAGCLI_EVALUATE_H
 
+#include "program/slices.h"
 #include "run.h"
 
 /* Size of the state y = (q, v, W). */
@@ -19,7 +20,7 @@ static inline int lag_whole_vectors(int n)
 
 /* Parts of a tape: all; for the dynamics, intermediate results for other right sides; for the constraints, phi with
  * its scale, or B, psi and its scale. */
-enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };
+enum lag_part { LAG_NOTHING = -1, LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };
 
 /* The factors of the matrix available for the state of the dynamics tape: its second entry of `held`. */
 enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
@@ -27,6 +28,9 @@ enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
 /* Evaluate a tape, or a part, at a state, unless it holds that; these outputs can be read
  * afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
+
+/* Evaluate a slice of a tape at a state: the outputs of its function can be read, and no others. */
+void lag_evaluate_slice(const lag_tape *tape, const lag_slice *slice, double t, const double *y);
 
 /* The tape whose outputs are M and f at the state that the dynamics tape holds. */
 const lag_tape *lag_equations_tape(const lag_system *system);

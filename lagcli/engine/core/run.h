@@ -200,7 +200,7 @@ typedef struct {
     double *block;                     /* rows of t, q, v, a, lambda (of all constraints), W */
     int64_t rows, used;
     int extra;                         /* multipliers of rows that switch */
-    double *y;                         /* n: scratch */
+    double *y, *kept;                  /* n, nq + nc: scratch */
     void (*written)(void *context, const double *row); /* called with each sample, while the parameters are those at it; NULL */
     void *context;
 } lag_samples;

@@ -95,16 +95,24 @@ static int sample(lag_run *run, double t, int within, double *y)
 
 int lag_sample_here(lag_run *run, double *row)
 {
-    double *y = run->samples.y;
-    lag_pool pool = lag_pool_of(&run->pool.from);
-    void *state = lag_get(&pool, lag_state_size(run), 1); /* the motion does not depend on whether anybody reads a row */
-    if (!state)
-        return LAG_NO_MEMORY;
-    lag_save(run, state);
-    memcpy(y, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    lag_switching *sw = &run->switching;
+    const size_t of_state = (size_t)lag_size(&run->system) * sizeof(double);
+    const size_t solution = (size_t)(run->system.nq + run->system.nc) * sizeof(double);
+    const size_t all = (size_t)(sw->rows + sw->nf), of_rows = (size_t)sw->rows * sizeof(double);
+    double *y = run->samples.y, *kept = sw->kept;
+    /* the motion does not depend on whether anybody reads a row: forces are found from the ones before */
+    memcpy(run->samples.kept, run->solver.a, solution);
+    if (sw->rows + sw->nf) {
+        memcpy(kept, sw->force, all * sizeof(double));
+        memcpy(kept + all, sw->tried, of_rows);
+    }
+    memcpy(y, run->step.y, of_state);
     const int status = write_row(run, run->step.t, y, row);
-    lag_restore(run, state);
-    lag_release(&pool);
+    memcpy(run->solver.a, run->samples.kept, solution);
+    if (sw->rows + sw->nf) {
+        memcpy(sw->force, kept, all * sizeof(double));
+        memcpy(sw->tried, kept + all, of_rows);
+    }
     return status;
 }
 

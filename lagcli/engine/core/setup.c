@@ -155,6 +155,7 @@ static void allocate(lag_run *run)
     run->watch.path.last = lag_doubles(pool, run->system.nb);
     run->watch.path.weight = lag_doubles(pool, run->system.nb);
     run->samples.y = lag_doubles(pool, n);
+    run->samples.kept = lag_doubles(pool, run->system.nq + run->system.nc);
     run->failure.y = lag_doubles(pool, n);
     if (!pool->failed)
         run->solver.multipliers = run->solver.a + nq;

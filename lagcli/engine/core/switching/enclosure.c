@@ -6,6 +6,7 @@
 
 #include "bind.h"
 #include "dense_jets.h"
+#include "evaluate.h"
 #include "methods/method.h"
 #include "solution.h"
 #include "step.h"
@@ -16,6 +17,7 @@
 
 #define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
+#define MANY 8              /* functions of a tape of which each is evaluated alone where it is asked for alone */
 #define HELD 1e-13          /* of the largest terms of phi and psi: how far rows that hold may be off zero */
 
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
@@ -35,6 +37,39 @@ int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w)
     return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
 }
 
+/* Slice the tapes of gaps and of rows. */
+static void slice(lag_run *run, const lag_switching_rules *rules)
+{
+    lag_switching *sw = &run->switching;
+    lag_enclosure *e = &sw->enclosure;
+    lag_pool own = lag_pool_of(&run->pool.from);
+    const int rows = sw->rows, functions = rows > sw->nh ? rows : sw->nh;
+    int32_t *outputs = lag_get(&own, (size_t)sw->nb + (size_t)functions, sizeof *outputs);
+    int32_t *ends = lag_get(&own, (size_t)functions, sizeof *ends);
+    if (!own.failed && sw->nh >= MANY) {
+        for (int i = 0; i < sw->nh; ++i) {
+            outputs[i] = i;
+            ends[i] = i + 1;
+        }
+        e->of_gaps = lag_slices(&run->pool, &rules->gaps, e->tapes[GAPS].inputs, sw->nh, outputs, ends);
+    }
+    if (!own.failed && rows >= MANY) {
+        int count = 0;
+        for (int row = 0; row < rows; ++row) {
+            for (int i = 0; sw->law[row] == LAG_LIMITED && i < sw->nb; ++i)
+                if (sw->row[i] == row)
+                    outputs[count++] = sw->nh + i;
+            if (sw->law[row] == LAG_LIMITED)
+                outputs[count++] = sw->nh + sw->nb + row;
+            ends[row] = count;
+        }
+        if (count)
+            e->of_rows = lag_slices(&run->pool, &rules->functions, e->tapes[ROWS].inputs, rows, outputs, ends);
+    }
+    run->pool.failed |= own.failed;
+    lag_release(&own);
+}
+
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
 {
     lag_switching *sw = &run->switching;
@@ -46,6 +81,8 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     lag_jets_bind(e->tapes + ROWS, &run->pool, &sw->functions, &rules->functions, run->np);
     lag_jets_bind(e->tapes + CONDITIONS, &run->pool, &sw->condition_tape, &rules->condition_functions, run->np);
     lag_jets_bind(e->tapes + KINKS, &run->pool, &sw->kinks.tape, &rules->kink_functions, run->np);
+    if (!run->pool.failed)
+        slice(run, rules);
     e->state = lag_get(&run->pool, (size_t)moving, sizeof *e->state);
     int *used = lag_get(&run->pool, (size_t)moving + 1, sizeof *used);
     if (run->pool.failed)
@@ -277,8 +314,18 @@ static void take_output(lag_run *run, int k, int order, lag_interval *out)
     out[0] = lag_interval_add(out[0], (lag_interval){w->shift, w->shift});
 }
 
-/* Evaluate a tape with t in [a, b] and the jets of the states. */
-static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int order)
+/* What a watched function needs of its tape; NULL: all. */
+static const lag_slice *slice_of(const lag_run *run, int k)
+{
+    const lag_switching *sw = &run->switching;
+    const lag_watched_function *w = sw->watched + k;
+    if (w->what == LAG_WATCH_GAP && sw->enclosure.of_gaps)
+        return sw->enclosure.of_gaps + sw->place[w->which];
+    return w->what == LAG_WATCH_SLIP && sw->enclosure.of_rows ? sw->enclosure.of_rows + w->which : NULL;
+}
+
+/* Evaluate a tape, or a slice of it, with t in [a, b] and the jets of the states. */
+static void evaluate(lag_run *run, lag_jet_tape *tape, const lag_slice *part, double a, double b, int order)
 {
     lag_enclosure *e = &run->switching.enclosure;
     lag_interval *t = lag_jet_input(tape, 0);
@@ -287,6 +334,14 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
     t[0] = (lag_interval){a, b};
     for (int k = 1; k <= order; ++k)
         t[k] = (lag_interval){k == 1, k == 1};
+    if (part) { /* of functions that rows which hold do not move */
+        for (int j = 0; j < part->count; ++j)
+            if (part->inputs[j])
+                memcpy(lag_jet_input(tape, part->inputs[j]), e->jets + (int64_t)JET * e->place[part->inputs[j] - 1],
+                       (size_t)(order + 1) * sizeof *t);
+        lag_jets_run_part(tape, &part->stream, order);
+        return;
+    }
     for (int i = 0; i < e->count; ++i) {
         if (!tape->used[1 + e->state[i]])
             continue;
@@ -300,16 +355,34 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
     lag_jets_run(tape, order);
 }
 
+double lag_gap_at(lag_run *run, int row, double t, const double *y)
+{
+    const lag_enclosure *e = &run->switching.enclosure;
+    const int place = run->switching.place[row];
+    if (e->of_gaps)
+        lag_evaluate_slice(&e->gaps, e->of_gaps + place, t, y);
+    else
+        lag_evaluate(&e->gaps, &run->system, t, y, LAG_ALL);
+    return OUT(&e->gaps, place);
+}
+
 lag_interval lag_enclose_step(lag_run *run, int k)
 {
     lag_enclosure *e = &run->switching.enclosure;
     const int tape = tape_of(run->switching.watched[k].what);
     lag_interval out;
     if (!(e->looked >> tape & 1))
-        evaluate(run, e->tapes + tape, run->step.t_old, run->step.t, 0);
+        evaluate(run, e->tapes + tape, NULL, run->step.t_old, run->step.t, 0);
     e->looked |= 1 << tape;
     take_output(run, k, 0, &out);
     return out;
+}
+
+/* The jet of a state between two parts of the step. */
+static void enclose_state(lag_run *run, int i, double u, double v, int order)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    lag_dense_jet(run, &e->dense, i, u, v, order, e->jets + (int64_t)JET * i);
 }
 
 void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interval *out)
@@ -317,15 +390,24 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
     lag_switching *sw = &run->switching;
     lag_enclosure *e = &sw->enclosure;
     const double start = run->step.t_old, h = run->step.h_old;
-    const int tape = tape_of(sw->watched[k].what);
-    if (!lag_is_of_time(sw, sw->watched + k)) { /* otherwise, whatever the states are does not matter */
-        const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
-        const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
+    const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
+    const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
+    const lag_watched_function *w = sw->watched + k;
+    const lag_slice *part = slice_of(run, k);
+    const int tape = tape_of(w->what);
+    if (part) {
+        for (int j = 0; j < part->count; ++j)
+            if (part->inputs[j])
+                enclose_state(run, e->place[part->inputs[j] - 1], u, v, order);
+        for (int i = 0; i < sw->nb && w->what == LAG_WATCH_SLIP; ++i)
+            if (sw->row[i] == w->which)
+                enclose_state(run, e->place[run->system.nq + sw->column[i]], u, v, order);
+    } else if (!lag_is_of_time(sw, w)) { /* otherwise, whatever the states are does not matter */
         for (int i = 0; i < e->count; ++i)
             if (e->used[e->state[i]] >> tape & 1)
-                lag_dense_jet(run, &e->dense, i, u, v, order, e->jets + (int64_t)JET * i);
+                enclose_state(run, i, u, v, order);
     }
-    evaluate(run, e->tapes + tape, a, b, order);
+    evaluate(run, e->tapes + tape, part, a, b, order);
     take_output(run, k, order, out);
 }
 
@@ -338,7 +420,7 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
         e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
         e->jets[(int64_t)JET * i + 1] = (lag_interval){f[state], f[state]};
     }
-    evaluate(run, e->tapes + tape, t, t, 1);
+    evaluate(run, e->tapes + tape, slice_of(run, k), t, t, 1);
     take_output(run, k, 1, out);
 }
 
@@ -349,7 +431,7 @@ static double error_of(lag_run *run, int of, int which, double t, const double *
     lag_jet_tape *tape = e->tapes + of;
     for (int i = 0; i < e->count; ++i)
         e->jets[(int64_t)JET * i] = (lag_interval){y[e->state[i]], y[e->state[i]]};
-    evaluate(run, tape, t, t, 0);
+    evaluate(run, tape, NULL, t, t, 0);
     const lag_interval value = lag_jet_output(tape, which)[0];
     return value.high - value.low;
 }
@@ -377,7 +459,7 @@ double lag_error_of_states(lag_run *run, int k, double t, const double *y, doubl
         e->jets[(int64_t)JET * i] = (lag_interval){y[state] - error, y[state] + error};
     }
     e->held = 0;
-    evaluate(run, e->tapes + tape_of(run->switching.watched[k].what), t, t, 0);
+    evaluate(run, e->tapes + tape_of(run->switching.watched[k].what), slice_of(run, k), t, t, 0);
     e->held = held;
     take_output(run, k, 0, &out);
     return 0.5 * (out.high - out.low);
@@ -395,7 +477,7 @@ static lag_interval rate_of_kink(lag_run *run, int kink, double t, const double 
         e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
         e->jets[(int64_t)JET * i + 1] = (lag_interval){rate, rate};
     }
-    evaluate(run, tape, t, t, 1);
+    evaluate(run, tape, NULL, t, t, 1);
     return lag_jet_output(tape, kink)[1];
 }
 

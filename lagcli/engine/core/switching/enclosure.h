@@ -19,6 +19,9 @@ int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
 /* Bind the tapes of a run's rules; pool->failed says whether there is no memory. */
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules);
 
+/* phi of a row at a state. */
+double lag_gap_at(lag_run *run, int row, double t, const double *y);
+
 /* Errors of states at an instant: those that rows which hold or touch put somewhere, as impacts do. Returns 0, or 1. */
 int lag_enclosure_touch(lag_run *run, double t, const double *y);
 

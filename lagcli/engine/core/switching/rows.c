@@ -36,15 +36,18 @@ int lag_find_rows(lag_run *run, double t, const double *y)
     const int n = sw->rows, nq = run->system.nq, b = sw->nh, drift = b + sw->nb;
     double sum = 0.0;
     lag_evaluate(f, &run->system, t, y, LAG_ALL);
+    memset(sw->psi, 0, (size_t)n * sizeof(double));
     for (int i = 0; i < sw->nb; ++i) {
-        const int row = sw->row[i];
-        sum += sw->jacobian[row * nq + sw->column[i]] = sw->sign[row] * OUT(f, b + i);
+        const int row = sw->row[i], column = sw->column[i];
+        const double x = sw->jacobian[row * nq + column] = sw->sign[row] * OUT(f, b + i);
+        sw->psi[row] += x * y[nq + column];
+        sum += x;
     }
     for (int i = 0; i < n; ++i) {
         sw->phi[i] = sw->place[i] < 0 ? 0.0 : sw->sign[i] * OUT(f, sw->place[i]);
         sw->drift[i] = sw->sign[i] * OUT(f, drift + i);
         sw->gamma[i] = sw->sign[i] * OUT(f, drift + n + i);
-        sw->psi[i] = lag_along(run, i, y + nq) + sw->drift[i];
+        sw->psi[i] += sw->drift[i];
         sw->tried[i] = fmax(sw->tried[i], OUT(f, drift + 2 * n + i));
         sum += sw->phi[i] + sw->psi[i] + sw->gamma[i];
     }

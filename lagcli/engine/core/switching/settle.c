@@ -203,13 +203,13 @@ static void measure_speeds(lag_run *run, const double *a)
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
     const double time = LAG_HORIZON * (run->settings.t_end - run->step.t_start);
-    for (int i = 0; i < sw->rows; ++i) {
-        double terms = 0.0;
-        for (int j = 0; j < nq; ++j)
-            terms += fabs(sw->jacobian[i * nq + j] * a[j]);
-        if (isfinite(terms))
-            sw->speed[i] = fmax(sw->speed[i], time * terms);
-    }
+    double *terms = sw->terms;
+    memset(terms, 0, (size_t)sw->rows * sizeof *terms);
+    for (int i = 0; i < sw->nb; ++i)
+        terms[sw->row[i]] += fabs(sw->jacobian[sw->row[i] * nq + sw->column[i]] * a[sw->column[i]]);
+    for (int i = 0; i < sw->rows; ++i)
+        if (isfinite(terms[i]))
+            sw->speed[i] = fmax(sw->speed[i], time * terms[i]);
 }
 
 /* The modes to try first. */

@@ -27,7 +27,7 @@ static void allocate(lag_run *run)
                      &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
                      &sw->tight, &sw->shares};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed, &sw->tried,
-                          &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time, &sw->rest_friction};
+                          &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time, &sw->rest_friction, &sw->terms};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
                            &sw->struck, &sw->acceleration};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i)
@@ -39,6 +39,7 @@ static void allocate(lag_run *run)
     sw->jacobian = lag_doubles(pool, (int64_t)rows * nq);
     sw->response = lag_doubles(pool, (int64_t)all * size);
     sw->force = lag_doubles(pool, all);
+    sw->kept = lag_doubles(pool, all + rows);
     sw->matrix = lag_doubles(pool, (int64_t)all * all);
     sw->lu = lag_doubles(pool, (int64_t)all * all);
     sw->multipliers = lag_doubles(pool, sw->nc);

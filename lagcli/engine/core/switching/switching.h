@@ -19,6 +19,7 @@
 
 #include "contact/contact.h"
 #include "dense_points.h"
+#include "program/slices.h"
 #include "tape/interval.h"
 #include "tape/tape.h"
 
@@ -62,6 +63,7 @@ enum { LAG_ENCLOSED_TAPES = 4 };
 typedef struct {
     lag_tape gaps;                     /* of (t, q, v, p): phi */
     lag_jet_tape tapes[LAG_ENCLOSED_TAPES]; /* of gaps, rows, conditions and kinks */
+    const lag_slice *of_gaps, *of_rows; /* nh, rows: what each gap needs, and each row's psi; NULL: the whole tapes */
     int watched, looked;               /* bits of tapes: of the functions watched; that hold enclosures over the step */
     int count;                         /* states that occur in them */
     int *state, *place;                /* count: their indices in y; 2 nq: the inverse */
@@ -179,6 +181,8 @@ typedef struct {
     int *pivots, *acts;                /* rows + nf */
     double *saved;                     /* n: scratch of hold.c */
     double *direction;                 /* nq: scratch */
+    double *terms;                     /* rows: scratch */
+    double *kept;                      /* 2 rows + nf: scratch of sample.c */
 
     /* watched functions */
     lag_watched_function *watched;

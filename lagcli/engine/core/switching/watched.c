@@ -177,8 +177,7 @@ double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, 
     double value;
     ++sw->looks;
     if (w->what == LAG_WATCH_GAP) {
-        lag_evaluate(&sw->enclosure.gaps, &run->system, t, y, LAG_ALL);
-        value = sw->sign[w->which] * OUT(&sw->enclosure.gaps, sw->place[w->which]);
+        value = sw->sign[w->which] * lag_gap_at(run, w->which, t, y);
     } else if (w->what == LAG_WATCH_SLIP) {
         value = lag_find_rows(run, t, y) ? NAN : value_of(run, w);
     } else {

@@ -716,13 +716,12 @@ static void narrow(lag_interval *c, const lag_interval *middle, double radius, i
     }
 }
 
-/* Evaluate a tape; with jets at the middle of the interval, each result is narrowed. */
-static void run(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order)
+/* Evaluate a stream of a tape; with jets at the middle of the interval, each result is narrowed. */
+static void run(lag_jet_tape *jets, const int32_t *p, lag_jet_tape *middle, double radius, int order)
 {
     lag_interval *r = jets->registers, *m = middle ? middle->registers : NULL, out[JET], other[JET];
     lag_interval at_middle[JET], other_at_middle[JET];
     const size_t size = (size_t)(order + 1) * sizeof *out;
-    const int32_t *p = jets->tape->stream.code;
     jets->undefined = 0;
     for (;;) {
         int op = *p++;
@@ -777,12 +776,17 @@ static void run(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int ord
 
 void lag_jets_run(lag_jet_tape *jets, int order)
 {
-    run(jets, NULL, 0.0, order);
+    run(jets, jets->tape->stream.code, NULL, 0.0, order);
+}
+
+void lag_jets_run_part(lag_jet_tape *jets, const lag_stream *part, int order)
+{
+    run(jets, part->code, NULL, 0.0, order);
 }
 
 void lag_jets_run_about(lag_jet_tape *jets, lag_jet_tape *middle, double radius, int order)
 {
-    run(jets, middle, radius, order);
+    run(jets, jets->tape->stream.code, middle, radius, order);
 }
 
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
@@ -808,7 +812,7 @@ int lag_enclose_program(const lag_memory *memory, const lag_program *program, co
         lag_jet_input(&jets, 0)[0].high = high;
         lag_jet_input(&middle, 0)[0] = POINT(at);
         lag_jet_input(&jets, 0)[1] = lag_jet_input(&middle, 0)[1] = POINT(1.0);
-        run(&jets, narrowed ? &middle : NULL, radius, order);
+        run(&jets, tape.stream.code, narrowed ? &middle : NULL, radius, order);
         for (int64_t i = 0; i < program->output_count; ++i)
             for (int k = 0; k <= order; ++k, out += 2) {
                 out[0] = lag_jet_output(&jets, (int)i)[k].low;

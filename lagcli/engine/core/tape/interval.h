@@ -57,6 +57,9 @@ void lag_jets_refresh(lag_jet_tape *jets);
 /* Evaluate the tape: coefficients 0 to `order` of all outputs. */
 void lag_jets_run(lag_jet_tape *jets, int order);
 
+/* Evaluate a part of the tape, a stream of its own, alone. */
+void lag_jets_run_part(lag_jet_tape *jets, const lag_stream *part, int order);
+
 /* The same where the inputs of `middle` are jets at the middle of the interval, whose ends are at most `radius` away. Each
  * result is narrowed to what its derivatives allow: inputs that move together do not cancel in ranges of their values,
  * but in those of their derivatives. */
