@@ -127,57 +127,74 @@ static void equations(lag_contact_work *w)
     }
 }
 
-static void exchange(double *a, double *b, int count, int stride)
+static void exchange(double *a, double *b, int count)
 {
     for (int k = 0; k < count; ++k) {
-        const double x = a[k * stride];
-        a[k * stride] = b[k * stride];
-        b[k * stride] = x;
+        const double x = a[k];
+        a[k] = b[k];
+        b[k] = x;
     }
 }
 
-int lag_contact_reduce(double *m, double *right, int n, int width, int *columns)
+/* The largest of n magnitudes. */
+static double largest_of(const double *x, int n)
 {
-    double first = 0.0;
-    for (int j = 0; j < n; ++j)
-        columns[j] = j;
+    double most[4] = {0.0};
+    int j = 0;
+    for (; j + 4 <= n; j += 4)
+        for (int l = 0; l < 4; ++l)
+            most[l] = fabs(x[j + l]) > most[l] ? fabs(x[j + l]) : most[l];
+    for (; j < n; ++j)
+        most[0] = fabs(x[j]) > most[0] ? fabs(x[j]) : most[0];
+    return fmax(fmax(most[0], most[1]), fmax(most[2], most[3]));
+}
+
+int lag_contact_reduce(lag_contact_work *w, double *m, double *right, int width, int *columns)
+{
+    const int n = w->n;
+    double first = 0.0, *largest = w->bound; /* of each row: what has not been eliminated */
+    int *entry = w->owner;                   /* of the pivot's row: places other than 0 */
+    for (int i = 0; i < n; ++i) {
+        columns[i] = i;
+        largest[i] = largest_of(m + i * n, n);
+    }
     for (int k = 0; k < n; ++k) {
-        int row = k, column = k;
-        double largest = -1.0;
+        int row = k, at = k, entries = 0;
         for (int i = k; i < n; ++i)
-            for (int j = k; j < n; ++j)
-                if (fabs(m[i * n + j]) > largest) {
-                    largest = fabs(m[i * n + j]);
-                    row = i;
-                    column = j;
-                }
+            if (largest[i] > largest[row])
+                row = i;
         if (k == 0)
-            first = largest;
-        if (!(largest > RANK * first))
+            first = largest[row];
+        if (!(largest[row] > RANK * first))
             return k;
+        while (fabs(m[row * n + columns[at]]) != largest[row])
+            ++at;
         if (row != k) {
-            exchange(m + k * n, m + row * n, n, 1);
-            exchange(right + k * width, right + row * width, width, 1);
+            exchange(m + k * n, m + row * n, n);
+            exchange(right + k * width, right + row * width, width);
+            largest[row] = largest[k];
         }
-        if (column != k) {
-            exchange(m + k, m + column, n, n);
-            const int number = columns[k];
-            columns[k] = columns[column];
-            columns[column] = number;
-        }
-        const double inverse = 1.0 / m[k * n + k];
-        for (int j = k; j < n; ++j)
-            m[k * n + j] *= inverse;
+        const int column = columns[at];
+        columns[at] = columns[k];
+        columns[k] = column;
+        const double inverse = 1.0 / m[k * n + column];
+        for (int j = 0; j < n; ++j) /* the pivots before it are 0 here */
+            if (m[k * n + j] != 0.0) {
+                m[k * n + j] *= inverse;
+                entry[entries++] = j;
+            }
         for (int j = 0; j < width; ++j)
             right[k * width + j] *= inverse;
         for (int i = 0; i < n; ++i) {
-            const double factor = m[i * n + k];
+            const double factor = m[i * n + column];
             if (i == k || factor == 0.0)
                 continue;
-            for (int j = k; j < n; ++j)
-                m[i * n + j] -= factor * m[k * n + j];
+            for (int e = 0; e < entries; ++e)
+                m[i * n + entry[e]] -= factor * m[k * n + entry[e]];
             for (int j = 0; j < width; ++j)
                 right[i * width + j] -= factor * right[k * width + j];
+            if (i > k)
+                largest[i] = largest_of(m + i * n, n);
         }
     }
     return n;
@@ -193,7 +210,7 @@ static void least_norm(lag_contact_work *w, int rank, const int *columns)
         double *z = w->null + f * n;
         memset(z, 0, n * sizeof *z);
         for (int k = 0; k < rank; ++k)
-            z[columns[k]] = -w->scale[columns[k]] * w->equation[k * n + rank + f];
+            z[columns[k]] = -w->scale[columns[k]] * w->equation[k * n + columns[rank + f]];
         z[columns[rank + f]] = w->scale[columns[rank + f]];
         for (int pass = 0; pass < 2; ++pass) /* two passes are sufficient */
             for (int e = 0; e < f; ++e) {
@@ -305,13 +322,19 @@ static int least_within(lag_contact_work *w, int freedom, int count, double magn
     for (int i = 0; i < count; ++i) {
         const double *normal = w->normal + i * n;
         double *along = w->reduced + i * freedom;
+        int entries = 0, *entry = w->place; /* most have few */
         for (int j = 0; j < n; ++j)
-            w->bound[i] -= normal[j] * w->force[j];
+            if (normal[j] != 0.0) {
+                w->bound[i] -= normal[j] * w->force[j];
+                entry[entries++] = j;
+            }
         w->bound[i] = (w->bound[i] - w->floor) / magnitude - RELAXED;
         for (int f = 0; f < freedom; ++f) {
-            along[f] = 0.0;
-            for (int j = 0; j < n; ++j)
-                along[f] += normal[j] * w->null[f * n + j] * unit;
+            const double *null = w->null + f * n;
+            double sum = 0.0;
+            for (int e = 0; e < entries; ++e)
+                sum += normal[entry[e]] * null[entry[e]] * unit;
+            along[f] = sum;
         }
     }
     double *z = w->right;
@@ -390,7 +413,7 @@ static void clean(lag_contact_work *w)
 int lag_contact_solve(lag_contact_work *w, double *tolerance)
 {
     equations(w);
-    const int rank = lag_contact_reduce(w->equation, w->right, w->n, 1, w->place);
+    const int rank = lag_contact_reduce(w, w->equation, w->right, 1, w->place);
     double disagreement = 0.0;
     w->freedom = w->n - rank;
     for (int k = rank; k < w->n; ++k)
