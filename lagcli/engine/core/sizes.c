@@ -370,6 +370,12 @@ static int find_noise_of_step(lag_run *run, double h)
     lag_end_preview(run);
     if (unknown)
         return 1;
+    /* a force that sets in does so at a time that is known to a rounding */
+    const double length = TIMING * (run->settings.t_end - run->step.t_start);
+    for (int m = nq; m < 2 * nq; ++m)
+        if (run->step.y[m] == 0.0 && run->step.f[m] == 0.0)
+            tolerances->change[m] = fmax(tolerances->change[m], length * fabs(tolerances->down[m]) / h);
+    /* a step that is far too long ends anywhere */
     const double speed = CREDIBLE * sqrt(2.0 * tolerances->size[2 * nq]) / h;
     for (int i = 0; i < nq / run->system.blocks; ++i) {
         const double inertia = inertia_of(&run->system, i);
@@ -377,11 +383,6 @@ static int find_noise_of_step(lag_run *run, double h)
             tolerances->change[nq + i] = fmin(tolerances->change[nq + i],
                                               fmax(speed / sqrt(inertia), tolerances->noise_at_rest[nq + i]));
     }
-    /* a force that sets in does so at a time that is known to a rounding */
-    const double length = TIMING * (run->settings.t_end - run->step.t_start);
-    for (int m = nq; m < 2 * nq; ++m)
-        if (run->step.y[m] == 0.0 && run->step.f[m] == 0.0)
-            tolerances->change[m] = fmax(tolerances->change[m], length * fabs(tolerances->down[m]) / h);
     for (int m = 0; m < n; ++m)
         tolerances->noise[m] = fmax(tolerances->change[m], LASTING * tolerances->noise[m]);
     tolerances->noise_until = run->step.steps + KNOWN;
