@@ -21,11 +21,11 @@ int lag_row_slips(const lag_switching *sw, int row)
 
 double lag_along(const lag_run *run, int row, const double *x)
 {
-    const lag_switching *sw = &run->switching;
-    const double *b = sw->jacobian + row * run->system.nq;
+    const int nq = run->system.nq;
+    const double *b = run->switching.jacobian + row * nq;
     double sum = 0.0;
-    for (int i = sw->first[row]; i < sw->first[row + 1]; ++i)
-        sum += b[sw->entry[i]] * x[sw->entry[i]];
+    for (int i = 0; i < nq; ++i)
+        sum += b[i] * x[i];
     return sum;
 }
 

@@ -36,8 +36,6 @@ static void allocate(lag_run *run)
         *by_row[i] = lag_doubles(pool, rows);
     for (size_t i = 0; i < sizeof by_state / sizeof *by_state; ++i)
         *by_state[i] = lag_doubles(pool, n);
-    sw->first = lag_get(pool, (size_t)rows + 1, sizeof(int));
-    sw->entry = lag_get(pool, (size_t)sw->nb, sizeof(int));
     sw->jacobian = lag_doubles(pool, (int64_t)rows * nq);
     sw->response = lag_doubles(pool, (int64_t)all * size);
     sw->force = lag_doubles(pool, all);
@@ -76,25 +74,6 @@ static void allocate(lag_run *run)
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));
     k->both = lag_doubles(pool, INT64_C(2) * (size + sw->nc + all + 1));
     k->y = lag_doubles(pool, n);
-}
-
-/* List the columns of each row's entries. */
-static void list_entries(lag_switching *sw)
-{
-    for (int i = 0; i < sw->nb; ++i)
-        ++sw->first[sw->row[i] + 1];
-    for (int row = 0; row < sw->rows; ++row)
-        sw->first[row + 1] += sw->first[row];
-    int *next = sw->state; /* nothing else uses it yet */
-    memcpy(next, sw->first, (size_t)sw->rows * sizeof *next);
-    for (int i = 0; i < sw->nb; ++i) {
-        const int row = sw->row[i];
-        int at = next[row]++;
-        for (; at > sw->first[row] && sw->entry[at - 1] > sw->column[i]; --at)
-            sw->entry[at] = sw->entry[at - 1];
-        sw->entry[at] = sw->column[i];
-    }
-    memset(next, 0, (size_t)sw->rows * sizeof *next);
 }
 
 int lag_use_switching(lag_run *run, const lag_switching_rules *given)
@@ -144,8 +123,6 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .used = 1,
     };
     allocate(run);
-    if (!pool->failed)
-        list_entries(sw);
     if (pool->failed || lag_bind(run, pool, &sw->functions, &given->functions)
         || lag_bind(run, pool, &sw->limits, &given->limits) || lag_bind(run, pool, &sw->impact, &given->impact)
         || lag_bind(run, pool, &sw->forces, &given->forces)

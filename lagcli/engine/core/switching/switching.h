@@ -129,7 +129,6 @@ typedef struct {
     const double *sign;                /* rows */
     int nb, nh;
     const int32_t *row, *column;       /* nb: places of B's entries */
-    int *first, *entry;                /* rows + 1, nb: the columns of each row's entries, from its first one on, ascending */
     lag_tape functions;                /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows),
                                         * scale of phi (nh) */
     int signs;                         /* of functions of forces, inputs of limits and forces */
