@@ -22,6 +22,14 @@ int lag_accelerate_accurately(lag_run *run, double t, const double *y, int refin
     return undefined;
 }
 
+int lag_accelerate_alone(lag_run *run, double t, const double *y, int refined, double *power)
+{
+    const int64_t dense_steps = run->solver.dense_steps;
+    const int undefined = lag_accelerate_accurately(run, t, y, refined, power);
+    run->solver.dense_steps = dense_steps;
+    return undefined;
+}
+
 int lag_derivative(lag_run *run, double t, const double *y, double *f)
 {
     const lag_system *s = &run->system;

@@ -12,6 +12,9 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
  * used, until solver.dense_steps is set back. */
 int lag_accelerate_accurately(lag_run *run, double t, const double *y, int refined, double *power);
 
+/* The same for this state alone: solver.dense_steps is set back. */
+int lag_accelerate_alone(lag_run *run, double t, const double *y, int refined, double *power);
+
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
 

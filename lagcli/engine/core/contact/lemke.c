@@ -82,7 +82,7 @@ static void forces(lcp *l)
                 right[k] -= 2.0 * direction * p->kinetic_slope[i * n + l->row[k]] * d[l->row[k]] / d[i];
     }
     int *columns = l->basis;
-    const int rank = lag_contact_reduce(w, w->equation, scratch, width, columns);
+    const int rank = lag_contact_reduce(w, scratch, width, columns);
     for (int k = 0; k < n; ++k)
         for (int j = 0; j < width; ++j)
             l->force[columns[k] * width + j] = k < rank ? scratch[k * width + j] : 0.0;

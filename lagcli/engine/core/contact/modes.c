@@ -149,10 +149,10 @@ static double largest_of(const double *x, int n)
     return fmax(fmax(most[0], most[1]), fmax(most[2], most[3]));
 }
 
-int lag_contact_reduce(lag_contact_work *w, double *m, double *right, int width, int *columns)
+int lag_contact_reduce(lag_contact_work *w, double *right, int width, int *columns)
 {
     const int n = w->n;
-    double first = 0.0, *largest = w->bound; /* of each row: what has not been eliminated */
+    double *m = w->equation, first = 0.0, *largest = w->bound; /* of each row: what has not been eliminated */
     int *entry = w->owner;                   /* of the pivot's row: places other than 0 */
     for (int i = 0; i < n; ++i) {
         columns[i] = i;
@@ -413,7 +413,7 @@ static void clean(lag_contact_work *w)
 int lag_contact_solve(lag_contact_work *w, double *tolerance)
 {
     equations(w);
-    const int rank = lag_contact_reduce(w, w->equation, w->right, 1, w->place);
+    const int rank = lag_contact_reduce(w, w->right, 1, w->place);
     double disagreement = 0.0;
     w->freedom = w->n - rank;
     for (int k = rank; k < w->n; ++k)

@@ -48,11 +48,11 @@ void lag_contact_rouse(const lag_contact_work *work, int *mode);
 int lag_contact_sign(const lag_contact_work *work, int j);
 
 /*
- * Reduce the n equations of a problem in place by complete pivoting; `right` has `width` columns. The rank is returned.
+ * Reduce work->equation in place by complete pivoting; `right` has `width` columns. The rank is returned.
  * columns: the variables' numbers in the order of the pivots. In the first `rank` rows, the first `rank` of these variables have
  * the unit matrix, the others what they add to these.
  */
-int lag_contact_reduce(lag_contact_work *work, double *matrix, double *right, int width, int *columns);
+int lag_contact_reduce(lag_contact_work *work, double *right, int width, int *columns);
 
 /* List the inequalities of work->mode and work->sign, normal . x >= bound, each in the unit of x/d of its
  * row. Returns how many there are. */

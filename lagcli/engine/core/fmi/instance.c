@@ -612,11 +612,8 @@ static int sample_without_projection(lag_fmu *fmu)
 {
     lag_run *run = lag_run_of(fmu->simulation);
     const size_t nq = (size_t)fmu->nq;
-    const int64_t dense_steps = run->solver.dense_steps;
     double power, *row = fmu->row;
-    const int undefined = lag_accelerate_accurately(run, run->step.t, run->step.y, 1, &power);
-    run->solver.dense_steps = dense_steps;
-    if (undefined)
+    if (lag_accelerate_alone(run, run->step.t, run->step.y, 1, &power))
         return LAG_UNDEFINED;
     row[0] = run->step.t;
     memcpy(row + 1, run->step.y, 2 * nq * sizeof *row);
@@ -747,13 +744,10 @@ int lag_fmu_state_of(const lag_fmu *fmu, double *state, size_t count)
 int lag_fmu_derivatives(lag_fmu *fmu, double *derivatives)
 {
     lag_run *run = lag_run_of(fmu->simulation);
-    const int64_t dense_steps = run->solver.dense_steps;
     double power;
     if (fmu->changed && take_inputs(fmu))
         return 1;
-    const int undefined = lag_accelerate_accurately(run, run->step.t, run->step.y, 1, &power);
-    run->solver.dense_steps = dense_steps;
-    if (undefined)
+    if (lag_accelerate_alone(run, run->step.t, run->step.y, 1, &power))
         return lag_fmu_fail(fmu, "at t = %.9g s: %s", run->step.t, reasons[LAG_UNDEFINED]);
     memcpy(derivatives, run->step.y + fmu->nq, (size_t)fmu->nq * sizeof(double));
     memcpy(derivatives + fmu->nq, run->solver.a, (size_t)fmu->nq * sizeof(double));

@@ -60,11 +60,8 @@ static double noise_of_sign(const lag_switching *sw, int which)
 int lag_all_forces(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
-    const int64_t dense_steps = run->solver.dense_steps;
     double power;
-    const int undefined = lag_accelerate_accurately(run, t, y, 0, &power);
-    run->solver.dense_steps = dense_steps;
-    if (undefined)
+    if (lag_accelerate_alone(run, t, y, 0, &power))
         return 1;
     --run->step.evaluations;
     if (!sw->acting) /* and all forces are zero */
