@@ -88,9 +88,10 @@ int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count)
     return lag_copy(pool, from, (size_t)count, sizeof(int32_t));
 }
 
-void *lag_own(lag_pool *pool, size_t size, void (*end)(void *))
+/* Bytes that are not saved, without values. */
+static char *own(lag_pool *pool, size_t bytes, void (*end)(void *))
 {
-    owned *made = pool->failed ? NULL : pool->from.allocate(pool->from.context, sizeof *made + size);
+    owned *made = pool->failed ? NULL : pool->from.allocate(pool->from.context, sizeof *made + bytes);
     if (!made) {
         pool->failed = 1;
         return NULL;
@@ -98,7 +99,23 @@ void *lag_own(lag_pool *pool, size_t size, void (*end)(void *))
     made->is.next = pool->owned;
     made->is.end = end;
     pool->owned = made;
-    return memset(made + 1, 0, size);
+    return (char *)(made + 1);
+}
+
+void *lag_own(lag_pool *pool, size_t size, void (*end)(void *))
+{
+    void *memory = own(pool, size, end);
+    return memory ? memset(memory, 0, size) : NULL;
+}
+
+void *lag_scratch(lag_pool *pool, size_t count, size_t size)
+{
+    if (count > (SIZE_MAX - sizeof(owned) - LINE) / size) {
+        pool->failed = 1;
+        return NULL;
+    }
+    char *memory = own(pool, LINE + count * size, NULL);
+    return memory ? memory + (LINE - (uintptr_t)memory % LINE) % LINE : NULL;
 }
 
 void lag_release(lag_pool *pool)

@@ -25,8 +25,12 @@ double *lag_doubles(lag_pool *pool, int64_t count);
 double *lag_copy_doubles(lag_pool *pool, const double *from, int64_t count);
 int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count);
 
-/* Zeros that are not part of what is saved: allocated before the pool is first saved. `end`, if there is one, is called with them before they are
- * released. */
+/* Work space from the beginning of a cache line on, without values, not part of what is saved: of pages that nothing is
+ * written to, the system provides none. NULL where there is no memory. */
+void *lag_scratch(lag_pool *pool, size_t count, size_t size);
+
+/* Zeros that are not part of what is saved: allocated before the pool is first saved. `end`, if there is one, is called
+ * with them before they are released. */
 void *lag_own(lag_pool *pool, size_t size, void (*end)(void *));
 
 /* Release all; the pool can be used again. */

@@ -26,8 +26,8 @@ int lag_use_directions(lag_run *run, const lag_directions *given)
     w->a = lag_doubles(pool, size);
     w->multipliers = lag_doubles(pool, sw->nc);
     w->z = lag_doubles(pool, all);
-    w->lu = lag_doubles(pool, (int64_t)all * all);
-    w->square = lag_doubles(pool, INT64_C(6) * all * all + INT64_C(6) * all);
+    w->lu = lag_scratch(pool, (size_t)all * all, sizeof(double));
+    w->square = lag_scratch(pool, 6 * (size_t)all * all + 6 * (size_t)all, sizeof(double));
     w->pivots = lag_get(pool, (size_t)all, sizeof(int));
     w->acts = lag_get(pool, (size_t)all, sizeof(int));
     w->of_a = lag_doubles(pool, (n + INT64_C(1)) * size);

@@ -56,9 +56,8 @@ static void slice(lag_run *run, const lag_switching_rules *rules)
     if (!own.failed && rows >= MANY) {
         int count = 0;
         for (int row = 0; row < rows; ++row) {
-            for (int i = 0; sw->law[row] == LAG_LIMITED && i < sw->nb; ++i)
-                if (sw->row[i] == row)
-                    outputs[count++] = sw->nh + i;
+            for (int e = sw->first_entry[row]; sw->law[row] == LAG_LIMITED && e < sw->first_entry[row + 1]; ++e)
+                outputs[count++] = sw->nh + sw->entry[e];
             if (sw->law[row] == LAG_LIMITED)
                 outputs[count++] = sw->nh + sw->nb + row;
             ends[row] = count;
@@ -279,10 +278,8 @@ static void slip_jet(const lag_run *run, const lag_jet_tape *tape, int row, int 
     const lag_enclosure *e = &sw->enclosure;
     lag_interval product[JET];
     memcpy(out, lag_jet_output(tape, sw->nh + sw->nb + row), (size_t)(order + 1) * sizeof *out);
-    for (int i = 0; i < sw->nb; ++i) {
-        if (sw->row[i] != row)
-            continue;
-        const int v = e->place[run->system.nq + sw->column[i]];
+    for (int n = sw->first_entry[row]; n < sw->first_entry[row + 1]; ++n) {
+        const int i = sw->entry[n], v = e->place[run->system.nq + sw->column[i]];
         lag_jet_multiply(lag_jet_output(tape, sw->nh + i), e->jets + (int64_t)JET * v, product, order);
         for (int k = 0; k <= order; ++k)
             out[k] = lag_interval_add(out[k], product[k]);
@@ -399,9 +396,9 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
         for (int j = 0; j < part->count; ++j)
             if (part->inputs[j])
                 enclose_state(run, e->place[part->inputs[j] - 1], u, v, order);
-        for (int i = 0; i < sw->nb && w->what == LAG_WATCH_SLIP; ++i)
-            if (sw->row[i] == w->which)
-                enclose_state(run, e->place[run->system.nq + sw->column[i]], u, v, order);
+        if (w->what == LAG_WATCH_SLIP)
+            for (int k = sw->first_entry[w->which]; k < sw->first_entry[w->which + 1]; ++k)
+                enclose_state(run, e->place[run->system.nq + sw->column[sw->entry[k]]], u, v, order);
     } else if (!lag_is_of_time(sw, w)) { /* otherwise, whatever the states are does not matter */
         for (int i = 0; i < e->count; ++i)
             if (e->used[e->state[i]] >> tape & 1)

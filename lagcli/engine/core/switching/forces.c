@@ -265,12 +265,13 @@ static double mobility_alone(const lag_run *run, int k)
     return sum;
 }
 
-/* The matrix of rows that hold, n of them listed by their place among those that act. */
-static void matrix_of(const lag_run *run, const acting_forces *f, const int *held, int n, double *matrix)
+/* The matrix of rows that hold, n of them listed by their place among those that act; `rows` has memory for n. */
+static void matrix_of(const lag_run *run, const acting_forces *f, const int *held, int n, int *rows, double *matrix)
 {
     for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j)
-            matrix[i * n + j] = lag_along(run, f->acts[held[i]], response_of(run, f->acts[held[j]]));
+        rows[i] = f->acts[held[i]];
+    for (int j = 0; j < n; ++j)
+        lag_along_each(run, n, rows, response_of(run, rows[j]), matrix + j, n);
 }
 
 int lag_add_forces(lag_run *run, double t, const double *y, double *power)
@@ -320,7 +321,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     }
     sw->margin = 1.0;
     sw->redundant = 0;
-    matrix_of(run, &f, held, holds, sw->matrix);
+    matrix_of(run, &f, held, holds, sw->pivots, sw->matrix);
     if (laws) {
         double factor = 1.0;
         memcpy(sw->lu, sw->matrix, (size_t)holds * holds * sizeof(double));

@@ -27,12 +27,9 @@ static void correct(lag_run *run, int n, const int *rows, double *residual, doub
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
     double *matrix = sw->matrix, *z = sw->work, *memory = z + sw->rows;
-    for (int j = 0; j < n; ++j)
-        lag_row_response(run, rows[j]);
-    for (int i = 0; i < n; ++i) {
-        residual[i] = -residual[i];
-        for (int j = 0; j < n; ++j)
-            matrix[i * n + j] = lag_along(run, rows[i], sw->response + rows[j] * (nq + run->system.nc));
+    for (int j = 0; j < n; ++j) {
+        residual[j] = -residual[j];
+        lag_along_each(run, n, rows, lag_row_response(run, rows[j]), matrix + j, n);
     }
     lag_least_norm(n, matrix, residual, z, memory);
     for (int j = 0; j < n; ++j)

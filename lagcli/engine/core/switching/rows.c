@@ -1,5 +1,6 @@
 #include "switching/rows.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -27,6 +28,25 @@ double lag_along(const lag_run *run, int row, const double *x)
     for (int i = 0; i < nq; ++i)
         sum += b[i] * x[i];
     return sum;
+}
+
+void lag_along_each(const lag_run *run, int n, const int *rows, const double *x, double *out, int stride)
+{
+    const lag_switching *sw = &run->switching;
+    const int nq = run->system.nq;
+    int undefined = 0;
+    for (int i = 0; i < nq; ++i)
+        undefined |= !(fabs(x[i]) <= DBL_MAX);
+    for (int k = 0; k < n; ++k) {
+        const int row = rows[k];
+        const double *b = sw->jacobian + row * nq;
+        double sum = undefined ? NAN : 0.0;
+        for (int e = sw->first_entry[row]; e < sw->first_entry[row + 1]; ++e) {
+            const int i = sw->column[sw->entry[e]];
+            sum += b[i] * x[i];
+        }
+        out[k * stride] = sum;
+    }
 }
 
 int lag_find_rows(lag_run *run, double t, const double *y)
@@ -194,9 +214,11 @@ static int factor_semidefinite(int n, const double *matrix, double *left, double
         const double root = sqrt(left[pivot * n + pivot]);
         for (int i = 0; i < n; ++i)
             lower[i * n + rank] = left[i * n + pivot] / root;
-        for (int i = 0; i < n; ++i)
-            for (int j = 0; j < n; ++j)
-                left[i * n + j] -= lower[i * n + rank] * lower[j * n + rank];
+        for (int i = 0; i < n; ++i) {
+            const double x = lower[i * n + rank];
+            for (int j = 0; x != 0.0 && j < n; ++j)
+                left[i * n + j] -= x * lower[j * n + rank];
+        }
         for (int i = 0; i < n; ++i)
             left[i * n + pivot] = left[pivot * n + i] = 0.0;
         order[rank++] = pivot;

@@ -24,6 +24,9 @@ void lag_keep_speeds(lag_run *run);
 /* B x of a row, x (nq). */
 double lag_along(const lag_run *run, int row, const double *x);
 
+/* The same of n rows, by B's entries: to out[0], out[stride], ...; NaN where any of x is undefined. */
+void lag_along_each(const lag_run *run, int n, const int *rows, const double *x, double *out, int stride);
+
 /* U of a row, or of a force (rows + number), by the current factors, to its place; returns that. */
 const double *lag_row_response(lag_run *run, int k);
 

@@ -162,8 +162,7 @@ void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
 {
     for (int j = 0; j < n; ++j) {
         const double *u = lag_row_response(run, rows[j]);
-        for (int i = 0; i < n; ++i)
-            matrix[i * n + j] = lag_along(run, rows[i], u);
+        lag_along_each(run, n, rows, u, matrix + j, n);
     }
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < i; ++j)

@@ -15,6 +15,11 @@
 #include "switching/rows.h"
 #include "switching/settle.h"
 
+static double *scratch(lag_pool *pool, int64_t count)
+{
+    return lag_scratch(pool, (size_t)count, sizeof(double));
+}
+
 static void allocate(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -37,13 +42,15 @@ static void allocate(lag_run *run)
     for (size_t i = 0; i < sizeof by_state / sizeof *by_state; ++i)
         *by_state[i] = lag_doubles(pool, n);
     sw->jacobian = lag_doubles(pool, (int64_t)rows * nq);
+    sw->first_entry = lag_get(pool, (size_t)rows + 1, sizeof(int));
+    sw->entry = lag_get(pool, (size_t)sw->nb, sizeof(int));
     sw->response = lag_doubles(pool, (int64_t)all * size);
     sw->force = lag_doubles(pool, all);
     sw->kept = lag_doubles(pool, all + rows);
-    sw->matrix = lag_doubles(pool, (int64_t)all * all);
-    sw->lu = lag_doubles(pool, (int64_t)all * all);
+    sw->matrix = scratch(pool, (int64_t)all * all);
+    sw->lu = scratch(pool, (int64_t)all * all);
     sw->multipliers = lag_doubles(pool, sw->nc);
-    sw->work = lag_doubles(pool, INT64_C(2) * size + INT64_C(10) * all + INT64_C(5) * all * all);
+    sw->work = scratch(pool, INT64_C(2) * size + INT64_C(10) * all + INT64_C(5) * all * all);
     sw->pivots = lag_get(pool, (size_t)all, sizeof(int));
     sw->acts = lag_get(pool, 2 * (size_t)all, sizeof(int));
     sw->watched = lag_get(pool, (size_t)watched, sizeof *sw->watched);
@@ -53,11 +60,11 @@ static void allocate(lag_run *run)
     sw->times = lag_doubles(pool, watched);
     sw->node_values = lag_doubles(pool, (int64_t)NODES * watched);
     sw->impulse = lag_doubles(pool, INT64_C(2) * rows + sw->nc);
-    sw->contacts = lag_doubles(pool, INT64_C(3) * all * all + INT64_C(8) * all + size);
+    sw->contacts = scratch(pool, INT64_C(3) * all * all + INT64_C(8) * all + size);
     sw->integers = lag_get(pool, 5 * (size_t)all, sizeof(int));
     const size_t one = lag_contact_memory(rows), other = lag_impact_memory(rows);
-    sw->memory = lag_get(pool, one > other ? one : other, 1);
-    sw->accumulation = lag_doubles(pool, lag_accumulation_doubles(rows));
+    sw->memory = lag_scratch(pool, one > other ? one : other, 1);
+    sw->accumulation = scratch(pool, lag_accumulation_doubles(rows));
     sw->accumulation_lists = lag_get(pool, (size_t)lag_accumulation_integers(rows), sizeof(int));
     sw->begin = lag_doubles(pool, nq + sw->nc);
     sw->side = lag_doubles(pool, sw->signs);
@@ -74,6 +81,22 @@ static void allocate(lag_run *run)
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));
     k->both = lag_doubles(pool, INT64_C(2) * (size + sw->nc + all + 1));
     k->y = lag_doubles(pool, n);
+}
+
+/* List the entries of B by row, in their order. */
+static void list_entries(lag_switching *sw)
+{
+    int *first = sw->first_entry;
+    memset(first, 0, ((size_t)sw->rows + 1) * sizeof(int));
+    for (int i = 0; i < sw->nb; ++i)
+        ++first[sw->row[i] + 1];
+    for (int row = 0; row < sw->rows; ++row)
+        first[row + 1] += first[row];
+    for (int i = 0; i < sw->nb; ++i)
+        sw->entry[first[sw->row[i]]++] = i;
+    for (int row = sw->rows; row > 0; --row) /* each is now where the next row begins */
+        first[row] = first[row - 1];
+    first[0] = 0;
 }
 
 int lag_use_switching(lag_run *run, const lag_switching_rules *given)
@@ -123,7 +146,10 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .used = 1,
     };
     allocate(run);
-    if (pool->failed || lag_bind(run, pool, &sw->functions, &given->functions)
+    if (pool->failed)
+        return 1;
+    list_entries(sw);
+    if (lag_bind(run, pool, &sw->functions, &given->functions)
         || lag_bind(run, pool, &sw->limits, &given->limits) || lag_bind(run, pool, &sw->impact, &given->impact)
         || lag_bind(run, pool, &sw->forces, &given->forces)
         || lag_bind(run, pool, &sw->sign_tape, &given->sign_functions)

@@ -129,6 +129,7 @@ typedef struct {
     const double *sign;                /* rows */
     int nb, nh;
     const int32_t *row, *column;       /* nb: places of B's entries */
+    int *first_entry, *entry;          /* rows + 1, nb: numbers of the entries by row, and where each row's begin */
     lag_tape functions;                /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows),
                                         * scale of phi (nh) */
     int signs;                         /* of functions of forces, inputs of limits and forces */
