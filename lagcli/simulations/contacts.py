@@ -98,10 +98,11 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
     evaluator = Evaluator(system, state.p)
     constraints = evaluator.constraints(state.t, state.q, state.v)
     errors = []
+    places = {row: n for n, row in enumerate(system.holonomic)}
     for row in system.switching.rows:
         if not row.sign or not row.active:
             continue
-        place = system.holonomic.index(row.row)
+        place = places[row.row]
         gap = row.sign * constraints.position[place]
         if gap < -closed * constraints.position_scale[place] and gap < -closed * _scale(
             model, evaluator, state, row.row
@@ -274,9 +275,10 @@ def held_at(system: System, start: ConsistentState, closed: float) -> tuple[list
     constraints = evaluator.constraints(state.t, q, v)
     rates, scales = constraints.velocity(v), constraints.velocity_scale
     rows = set(system.held_at_start)
+    places = {row: n for n, row in enumerate(system.holonomic)}
     for row in system.switching.rows:
         if row.sign and row.active:
-            place = system.holonomic.index(row.row)
+            place = places[row.row]
             gap = abs(constraints.position[place])
             touches = gap <= closed * constraints.position_scale[place]
             if touches and abs(rates[row.row]) <= closed * scales[row.row]:

@@ -195,8 +195,8 @@ def rules_fields(split: SplitSystem, frozen: FrozenSystem | None) -> dict[str, A
         else ContactLaw.LIMITED
         for row in rows
     ]
-    contacts = [i for i, x in enumerate(rows) if x.sign]
-    limited = [i for i, x in enumerate(rows) if x.limit is not None]
+    contacts = {i: n for n, i in enumerate(i for i, x in enumerate(rows) if x.sign)}
+    limited = {i: n for n, i in enumerate(i for i, x in enumerate(rows) if x.limit is not None)}
     holonomic = sum(i >= 0 for i in split.places)
     signed, limit_pattern = split.laws, switching.limit_pattern
     signs, limits = signed.signs, signed.limits
@@ -222,9 +222,9 @@ def rules_fields(split: SplitSystem, frozen: FrozenSystem | None) -> dict[str, A
         "sign": [*(x.sign or 1 for x in rows), *[1.0] * extra],
         "active": [*(x.active for x in rows), *[1] * extra],
         "friction": [
-            len(contacts) + limited.index(i) if i in limited else -1 for i in range(len(split.rows))
+            len(contacts) + limited[i] if i in limited else -1 for i in range(len(split.rows))
         ],
-        "restitution": [contacts.index(i) if i in contacts else -1 for i in range(len(split.rows))],
+        "restitution": [contacts.get(i, -1) for i in range(len(split.rows))],
         "nb": len(pattern),
         "nh": holonomic,
         "row": [i for i, _ in pattern],

@@ -99,8 +99,10 @@ class SplitSystem:
     @property
     def places(self) -> list[int]:
         """Index of the φ of `functions` for each row; −1 if it has none."""
-        holonomic = [k for k in self.system.holonomic if k in self.rows]
-        return [holonomic.index(k) if k in holonomic else -1 for k in self.rows]
+        rows = set(self.rows)
+        holonomic = (k for k in self.system.holonomic if k in rows)
+        place = {k: i for i, k in enumerate(holonomic)}
+        return [place.get(k, -1) for k in self.rows]
 
     @cached_property
     def functions(self) -> Tape:
@@ -110,7 +112,8 @@ class SplitSystem:
         builder = Builder(given.inputs, given.parameters, functions=given.functions)
         inputs = range(builder.inputs)
         c, d = system.constraint_layout, system.dynamics_layout
-        positions = [n for n, k in enumerate(system.holonomic) if k in rows]
+        chosen = set(rows)
+        positions = [n for n, k in enumerate(system.holonomic) if k in chosen]
         own = [
             *_places(c.position, positions),
             *_places(c.jacobian, self._entries(rows)),
@@ -127,7 +130,8 @@ class SplitSystem:
         return self.functions.selected(range(sum(i >= 0 for i in self.places)))
 
     def _entries(self, constraints: Sequence[int]) -> list[int]:
-        return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in constraints]
+        chosen = set(constraints)
+        return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in chosen]
 
     def _dynamics(self, base: Sequence[int]) -> tuple[Pattern, Tape]:
         """Return the places of M and the tape of M, f, B, γ and the power, without the rows."""
