@@ -111,9 +111,9 @@ class Monomials:
         return (wave - 1 / wave) / (TWO * se.I)
 
 
-def term_count(exponential: Basic) -> float:
-    """Return an upper bound of the number of monomials."""
-    return count_terms(exponential)
+def term_count(exponential: Basic, known: dict[Basic, float] | None = None) -> float:
+    """Return an upper bound of the number of monomials; see `count_terms`."""
+    return count_terms(exponential, known)
 
 
 def _number(coefficient: Basic | int) -> Basic:
@@ -397,12 +397,13 @@ class _Conditions:
         self.drifts = [write(drift) for _, drift in conditions]
         self.positions = [write(c.position) for c in eq.constraints if c.position is not None]
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Approximate number of terms of the conditions."""
         parts = [*self.forces, *self.momenta, self.time, *self.drifts, *self.positions]
         parts += [b for row in self.rows for b in row.values()]
-        return sum(map(term_count, parts))
+        known: dict[Basic, float] = {}
+        return sum(term_count(x, known) for x in parts)
 
     def solutions(self, with_rotations: bool) -> list[SparseVector]:
         """Return a basis of the symmetries, with A or with A = 0, in terms of the unknowns."""
