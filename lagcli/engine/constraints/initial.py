@@ -346,11 +346,12 @@ class ConsistentSearch:
         its direction.
         """
         small = self._small(c)
-        sizes = self.evaluator.sizes(self.t, q, v) if len(small) else q
+        if self.of_guess is None or not len(small):
+            return
+        sizes = self.evaluator.sizes(self.t, q, v)
         turned = []
         for k in small:
             row, accuracy = self.holonomic[k], 10 * REACHED * self.of_guess[k]
-            assert self.of_guess is not None
             least = accuracy / float(lengths_of_rows(c.jacobian[[row]], sizes)[0])
             far = self.evaluator.reach(self.t, q, v, row, accuracy, sizes, least)
             beside = [
