@@ -262,12 +262,65 @@ def test_structures_need_measures(here: Here) -> None:
 def test_rows_do_not_depend_on_jobs(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     from lagcli.sweeps.rows import workers
 
-    monkeypatch.setattr(workers, "_WORTH", 0.0)
+    monkeypatch.setattr(workers, "_can_fork", lambda: False)
+    monkeypatch.setattr(workers, "_SPAWN", -100.0)
     arguments = ("sweep", CRANK, "--vary", "m=linspace(0, 2, 70)", "--measure", "rms(phi')",
                  "--keep", "trajectories", "--samples", "5", "--t-end", "6")  # fmt: skip
     assert here(*arguments, "-o", "one.h5", "--jobs", "1") == 3
     assert here(*arguments, "-o", "two.h5", "--jobs", "2") == 3
     assert_same("one.h5", "two.h5")
+
+
+FORKED = """
+import sys
+from lagcli.__main__ import main
+from lagcli.sweeps.rows import workers
+
+began, start, what = [], workers._Processes.__init__, sys.argv.pop(1)
+def started(self, spec, jobs, forked):
+    began.append(forked)
+    start(self, spec, jobs, forked)
+    if what == "kill":
+        print(*(process.pid for process in self.workers.values()), flush=True)
+        workers.os.kill(workers.os.getpid(), workers.signal.SIGKILL)
+workers._Processes.__init__, workers._FORK = started, -1.0
+try:
+    main()
+finally:
+    print(began)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
+def test_rows_do_not_depend_on_forks(here: Here) -> None:
+    arguments = ("sweep", CRANK, "--vary", "m=linspace(0, 2, 70)", "--measure", "rms(phi')",
+                 "--keep", "trajectories", "--samples", "5", "--t-end", "6")  # fmt: skip
+    assert here(*arguments, "-o", "one.h5", "--jobs", "1") == 3
+    command = [sys.executable, "-c", FORKED, "run", *arguments, "-o", "two.h5", "--jobs", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 3, done.stderr
+    assert done.stdout.strip().endswith("[True]")
+    assert_same("one.h5", "two.h5")
+
+
+def _runs(process: Path) -> bool:
+    try:
+        return "Z (zombie)" not in (process / "status").read_text()
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
+def test_forked_processes_end_with_a_killed_sweep(here: Here) -> None:
+    arguments = ("sweep", CRANK, "--vary", "m=linspace(1, 2, 70)", "--measure", "rms(phi')",
+                 "--samples", "5", "--t-end", "6", "--jobs", "2")  # fmt: skip
+    command = [sys.executable, "-c", FORKED, "kill", *arguments, "-o", "s.h5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == -signal.SIGKILL
+    processes = [Path("/proc", pid) for pid in done.stdout.split()]
+    assert len(processes) == 2
+    wait_until(lambda: not any(map(_runs, processes)))
+    assert here(*arguments, "-o", "s.h5", "--resume") == 0
 
 
 def test_strict_fails_rows_that_cannot_be_trusted(here: Here) -> None:

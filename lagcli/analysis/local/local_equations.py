@@ -164,7 +164,7 @@ class LocalEquations(DerivedModel):
     @cached_property
     def entering(self) -> tuple[int, ...]:
         """Coordinates on which the equations depend."""
-        return tuple(j for j in range(len(self.equations.q)) if enters(self.equations, j))
+        return entering(self.equations)
 
     @cached_property
     def angles(self) -> Flags:
@@ -464,7 +464,8 @@ def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Fl
     """
     nq = len(q)
     random = np.random.default_rng(1)
-    periodic = np.ones(nq, dtype=bool)
+    periodic = np.zeros(nq, dtype=bool)
+    periodic[list(entering(equations))] = True  # an absent coordinate has no period
     for _ in range(_PROBES):
         near = q + 0.3 * random.standard_normal(nq) * np.maximum(1e-3, np.abs(q))
         v = random.standard_normal(nq)
@@ -476,8 +477,7 @@ def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Fl
             known = np.isfinite(before) & np.isfinite(after)
             size = np.abs(before[known]).max(initial=0.0) + np.abs(after[known]).max(initial=0.0)
             change = np.abs(after[known] - before[known]).max(initial=0.0)
-            matters = known.any() and enters(equations, int(j))
-            periodic[j] = bool(matters and change <= _SAME * size)
+            periodic[j] = bool(known.any() and change <= _SAME * size)
     return periodic
 
 
@@ -486,12 +486,12 @@ def _numbers(evaluator: Evaluator, t: float, q: Array, v: Array) -> Array:
     return np.concatenate([evaluator.entries(t, q, v), c.position, c.drift])
 
 
-def enters(eq: Equations, j: int) -> bool:
-    """Whether the equations depend on a coordinate; an absent one has no period."""
-    symbol = eq.q[j]
+def entering(eq: Equations) -> tuple[int, ...]:
+    """Return the coordinates on which the equations depend."""
     expressions = [eq.lagrangian, *eq.applied_forces, *(c.velocity for c in eq.constraints)]
     expressions += [c.position for c in eq.constraints if c.position is not None]
-    return any(symbol in e.free_symbols for e in expressions)
+    symbols = set().union(*(e.free_symbols for e in expressions))
+    return tuple(j for j, q in enumerate(eq.q) if q in symbols)
 
 
 def turning(eq: Equations) -> Flags:

@@ -20,7 +20,7 @@ from lagcli.analysis.local.operating_point import (
     multipliers_of,
 )
 from lagcli.arrays import Array
-from lagcli.engine.constraints.initial import NoStart, consistent_state
+from lagcli.engine.constraints.initial import ConsistentSearch, NoStart
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
@@ -633,10 +633,9 @@ class SteadyProblem:
         """Return a point on the constraints near a guess, or None."""
         local = self.local
         free = np.zeros(len(q), bool)
-        evaluator = local.evaluator(local.p)
-        given = evaluator.state(local.t, q, np.zeros(len(q)))
+        search = ConsistentSearch(local.evaluator(local.p), local.t, free, free)
         try:
-            return consistent_state(local.system, given, free, free, evaluator).state.q
+            return search.place(q, np.zeros(len(q)))
         except NoStart:
             return None
 

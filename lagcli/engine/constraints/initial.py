@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Flags, Int32, rank_of
+from lagcli.arrays import Array, Flags, Indices, Int32, rank_of
 from lagcli.engine.constraints.rates import constraint_program
 from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.start_search import CoreSearch
@@ -228,6 +228,20 @@ class ConsistentSearch:
         moved = self.moved(q, v, new_q, new_v)
         return ConsistentState(self.evaluator.state(self.t, new_q, new_v), rank, elimination, moved)
 
+    def place(self, q: Array, v: Array) -> Array:
+        """Return the coordinates of `solve`, without the rank of B unless an error depends on it.
+
+        Raises
+        ------
+        NoStart
+            As `solve`.
+        """
+        new_q = self.positions(q.copy(), v)
+        new_v = self.velocities(new_q, with_given_spins(self.spins, q, v, new_q))
+        if len(self._small(self.evaluator.constraint_rows(self.t, new_q, new_v))):
+            return self.solve(q, v).state.q
+        return new_q
+
     def moved(
         self, q: Array, v: Array, new_q: Array, new_v: Array
     ) -> dict[str, tuple[float, float]]:
@@ -331,10 +345,10 @@ class ConsistentSearch:
         that of its terms at the guess. Within the accuracy of that, its gradient must not change
         its direction.
         """
-        if self.of_guess is None:
+        small = self._small(c)
+        if self.of_guess is None or not len(small):
             return
-        small = np.flatnonzero(c.position_scale[self.places] < self.of_guess)
-        sizes = self.evaluator.sizes(self.t, q, v) if len(small) else q
+        sizes = self.evaluator.sizes(self.t, q, v)
         turned = []
         for k in small:
             row, accuracy = self.holonomic[k], 10 * REACHED * self.of_guess[k]
@@ -350,6 +364,12 @@ class ConsistentSearch:
                 turned.append(self.system.constraints[row])
         if turned:
             raise VanishingGradient(turned)
+
+    def _small(self, c: Constraints[Array | SparseRows]) -> Indices:
+        """Return the position constraints whose terms are much smaller than at the guess."""
+        if self.of_guess is None:
+            return np.zeros(0, dtype=np.intp)
+        return np.flatnonzero(c.position_scale[self.places] < self.of_guess)
 
     # velocities
 

@@ -27,6 +27,9 @@ _LISTS = 340  # maximum for lists that are cut, with a remark each
 _OPERATIONS = 12_000
 #: The same for a model with families, whose formulas are short in index form.
 _OPERATIONS_OF_FAMILIES = 60_000
+#: The same for one formula of such a model: the index form has fewer formulas, not shorter ones.
+#: Five joints of a spatial mechanism have 3900, the pendulum of 19 links 3100.
+_OPERATIONS_OF_ONE = 3_200
 #: Number of terms of a long sum before and after the ellipsis.
 _FIRST_TERMS, _LAST_TERMS = 5, 1
 _TITLE = 2  # lines: the title and a blank one
@@ -47,8 +50,10 @@ def accelerations_are_large(equations: Equations) -> bool:
 
 def _take_long(model: Model, expressions: Iterable[Basic]) -> bool:
     families = any("[" in name for name in model.coordinate_names)
-    most = _OPERATIONS_OF_FAMILIES if families else _OPERATIONS
-    return any(total > most for total in accumulate(map(se.count_ops, expressions)))
+    if not families:
+        return any(x > _OPERATIONS for x in accumulate(map(se.count_ops, expressions)))
+    counts = list(map(se.count_ops, expressions))
+    return sum(counts) > _OPERATIONS_OF_FAMILIES or any(x > _OPERATIONS_OF_ONE for x in counts)
 
 
 class Extent:

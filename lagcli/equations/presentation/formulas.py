@@ -208,7 +208,8 @@ class Formulas:
         if numeric:
             values = self.model.parameter_values
             self.values = {name: Fraction(repr(value)) for name, value in values.items()}
-        self.arrange = Arranger(self.model, self.values, named).arrange
+        self._arranger = Arranger(self.model, self.values, named)
+        self.arrange, self.in_order = self._arranger.arrange, self._arranger.in_order
 
     @cached_property
     def notation(self) -> Notation:

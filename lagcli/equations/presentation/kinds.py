@@ -538,6 +538,7 @@ def in_matrices(
     )
     if short is None or (len(short.named) > _MANY and not full):
         return [_unlisted(f, title)]
+    f.in_order(short.named)
     short = without_single_uses(short, f.arrange)
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
     steps = [Step(title, (law,), remark)]

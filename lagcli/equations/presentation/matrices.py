@@ -109,7 +109,8 @@ def without_single_uses(
 ) -> Abbreviations:
     """Write out the abbreviations that the arranged formulas use only once.
 
-    Arranging collects terms: z q̇₁ q̇₂ + z q̇₂ q̇₁ uses z twice, 2 z q̇₁ q̇₂ once.
+    Arranging collects terms: z q̇₁ q̇₂ + z q̇₂ q̇₁ uses z twice, 2 z q̇₁ q̇₂ once. So a formula is
+    arranged where an abbreviation occurs in it alone; one in two formulas is used twice.
 
     Parameters
     ----------
@@ -129,9 +130,14 @@ def without_single_uses(
     numbered = [x for x in named if x not in kept]
     while True:
         # equal entries are printed together
-        printed = map(arrange, [*named.values(), *dict.fromkeys(expressions)])
-        uses = Counter(symbols_in(printed))
-        single = [x for x in numbered if x in named and uses[x] < 2]
+        formulas = [*named.values(), *dict.fromkeys(expressions)]
+        places: dict[str, list[Basic]] = {}
+        for formula in formulas:
+            for symbol in formula.free_symbols:
+                places.setdefault(symbol.name, []).append(formula)
+        alone = {places[x][0] for x in numbered if x in named and len(places.get(x, ())) == 1}
+        uses = Counter(symbols_in(map(arrange, alone)))
+        single = [x for x in numbered if x in named and len(places.get(x, ())) < 2 and uses[x] < 2]
         if not single:
             break
         values: dict[Basic, Basic] = {}
@@ -243,6 +249,7 @@ class Matrices:
             if isinstance(d.value, Basic) and not isinstance(d.value, se.Symbol | se.Number)
         }
         short = abbreviate(list(self.entries.values()), names, known)
+        self.formulas.in_order(short.named)
         if len(short.named) > _COUNTED:
             return short
         return without_single_uses(short, self.formulas.arrange, self.model.definitions)

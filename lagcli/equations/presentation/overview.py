@@ -71,7 +71,7 @@ def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
     before = extent.shortened(_before(f), _BEFORE)
     room = ROOM - extent.size([*before, last])
     matrices = Matrices(f)
-    if matrices.size > room:
+    if len(matrices.entries) > room or matrices.size > room:  # each takes at least a line
         matrices = Matrices(f, ("M", "f", "B"))
     law, *others = matrices.steps(room)
     said = remark or "The equations are long; --full writes them out."

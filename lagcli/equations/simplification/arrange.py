@@ -368,6 +368,13 @@ class Arranger:
             self._own, self._follows = before
         return known
 
+    def in_order(self, names: Iterable[str]) -> None:
+        """Write abbreviations in sums and products in this order, after the model's symbols."""
+        for name in names:
+            symbol = (se.Symbol(name),)
+            self._whole.ranks(symbol)
+            self._opened.ranks(symbol)
+
     def _best(self, e: Basic) -> Node:
         """Return the shorter of the arrangements with and without differences as y − R opened."""
         arranged = self._arranged(e)

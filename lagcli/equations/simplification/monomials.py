@@ -130,6 +130,7 @@ class MonomialExpansion:
         self.places: list[Place] = []
         self._index: dict[Generator, int] = {}
         self._known: dict[Basic, Polynomial] = {}
+        self._circles: dict[int, int] = {}
         self._class_of: dict[str, Class] = {"pi": "parameter"}
         # the written order of symbols is the order of their indices
         for name in ("pi", *order):
@@ -152,6 +153,15 @@ class MonomialExpansion:
             self.classes.append(self._classify(generator))
             self.places.append(((), 0, ""))
             self.places[number] = self._place(generator, number)
+        return number
+
+    def circle(self, g: int) -> int:
+        """Return the number of cos x for that of sin x, and of sin x for cos x."""
+        number = self._circles.get(g)
+        if number is None:
+            name = "sin" if self.generators[g].name == "cos" else "cos"
+            number = self.index(Generator("function", name, self.generators[g].arguments))
+            self._circles[g] = number
         return number
 
     def stand_for(self, name: str, coordinate: str) -> None:
@@ -432,19 +442,14 @@ def _circular(
     return circular
 
 
-def _circle(expansion: MonomialExpansion, name: str, angle: se.Basic) -> int:
-    return expansion.index(Generator("function", name, (angle,)))
-
-
 def _squares(terms: Polynomial, expansion: MonomialExpansion) -> bool:
     changed = False
     for monomial in list(terms):
-        for name, angle, g, exponent in _circular(monomial, expansion):
+        for _, _, g, exponent in _circular(monomial, expansion):
             if exponent < 2 or monomial not in terms:
                 continue
-            other = _circle(expansion, "sin" if name == "cos" else "cos", angle)
             base = times(monomial, ((g, -2),))
-            partner = times(base, ((other, 2),))
+            partner = times(base, ((expansion.circle(g), 2),))
             here: Exact = terms[monomial]
             there: Exact = terms.get(partner, 0)
             if here * there > 0:
@@ -479,13 +484,15 @@ def _addition(
     second: tuple[str, se.Basic, int],
 ) -> bool:
     (name_a, a, g), (name_b, b, h) = first, second
-    swapped = {"sin": "cos", "cos": "sin"}
-    base = times(monomial, ((g, -1), (h, -1)) if g < h else ((h, -1), (g, -1)))
-    p, r = _circle(expansion, swapped[name_a], a), _circle(expansion, swapped[name_b], b)
-    partner = times(base, times(((p, 1),), ((r, 1),)))
-    here, there = terms.get(monomial, 0), terms.get(partner, 0)
-    if not here or abs(here) != abs(there):
+    p, r = expansion.circle(g), expansion.circle(h)
+    partner = times(monomial, ((g, -1), (h, -1), (p, 1), (r, 1)))
+    there = terms.get(partner)
+    if there is None:
         return False
+    here = terms[monomial]
+    if abs(here) != abs(there):
+        return False
+    base = times(monomial, ((g, -1), (h, -1)))
     same = here == there
     if name_a == name_b:  # cos a cos b ± sin a sin b
         value = se.cos(se.expand(a - b) if same else se.expand(a + b))

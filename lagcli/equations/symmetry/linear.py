@@ -111,9 +111,9 @@ class Monomials:
         return (wave - 1 / wave) / (TWO * se.I)
 
 
-def term_count(exponential: Basic) -> float:
-    """Return an upper bound of the number of monomials."""
-    return count_terms(exponential)
+def term_count(exponential: Basic, known: dict[Basic, float] | None = None) -> float:
+    """Return an upper bound of the number of monomials; see `count_terms`."""
+    return count_terms(exponential, known)
 
 
 def _number(coefficient: Basic | int) -> Basic:
@@ -178,15 +178,28 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
 def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVector], set[int]]:
     """Return rows without the unknowns that must vanish, which are the majority, and these
     unknowns."""
-    left, vanishing = [row for row in rows if row], set[int]()
-    while single := {column for row in left if len(row) == 1 for column in row}:
-        vanishing |= single
-        left = [
-            row if single.isdisjoint(row) else {c: x for c, x in row.items() if c not in single}
-            for row in left
-        ]
-        left = [row for row in left if row]
-    return left, vanishing
+    listed, vanishing = list(rows), set[int]()
+    containing: dict[int, list[int]] = defaultdict(list)
+    for place, row in enumerate(listed):
+        for column in row:
+            containing[column].append(place)
+    left = list(map(len, listed))  # entries that need not vanish
+    stack = [column for row in listed if len(row) == 1 for column in row]
+    while stack:
+        column = stack.pop()
+        if column in vanishing:
+            continue
+        vanishing.add(column)
+        for place in containing[column]:
+            left[place] -= 1
+            if left[place] == 1:
+                stack += [c for c in listed[place] if c not in vanishing]
+    reduced = [
+        row if count == len(row) else {c: x for c, x in row.items() if c not in vanishing}
+        for row, count in zip(listed, left, strict=True)
+        if count
+    ]
+    return reduced, vanishing
 
 
 def independent(vectors: Iterable[SparseVector]) -> list[int]:
@@ -397,12 +410,13 @@ class _Conditions:
         self.drifts = [write(drift) for _, drift in conditions]
         self.positions = [write(c.position) for c in eq.constraints if c.position is not None]
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Approximate number of terms of the conditions."""
         parts = [*self.forces, *self.momenta, self.time, *self.drifts, *self.positions]
         parts += [b for row in self.rows for b in row.values()]
-        return sum(map(term_count, parts))
+        known: dict[Basic, float] = {}
+        return sum(term_count(x, known) for x in parts)
 
     def solutions(self, with_rotations: bool) -> list[SparseVector]:
         """Return a basis of the symmetries, with A or with A = 0, in terms of the unknowns."""

@@ -80,19 +80,34 @@ def _cases_expanded(part: Basic) -> Basic:
     return pieces(values, part.args[1::2])
 
 
-def count_terms(expression: Basic) -> float:
-    """Return an upper bound of the number of terms after expansion."""
+def count_terms(expression: Basic, known: dict[Basic, float] | None = None) -> float:
+    """Return an upper bound of the number of terms after expansion.
+
+    Parameters
+    ----------
+    expression : SymEngine expression
+    known : dict of expression to float, optional
+        Counts of the sums, products and powers met before; it is extended.
+    """
+    if not isinstance(expression, se.Add | se.Mul | se.Pow | se.Piecewise):
+        return 1
+    known = {} if known is None else known
+    count = known.get(expression)
+    if count is None:
+        count = known[expression] = _count_terms(expression, known)
+    return count
+
+
+def _count_terms(expression: Basic, known: dict[Basic, float]) -> float:
     args = expression.args
-    if isinstance(expression, se.Add):
-        return sum(map(count_terms, args))
-    if isinstance(expression, se.Mul):
-        return math.prod(map(count_terms, args))
-    if isinstance(expression, se.Pow) and isinstance(args[1], se.Integer) and args[1] > 0:
-        count, power = count_terms(args[0]), int(args[1])
+    if isinstance(expression, se.Pow):
+        if not (isinstance(args[1], se.Integer) and args[1] > 0):
+            return 1
+        count, power = count_terms(args[0], known), int(args[1])
         return math.comb(int(min(count, 1e6)) + power - 1, power) if count > 1 else 1
-    if isinstance(expression, se.Piecewise):
-        return sum(map(count_terms, args[0::2]))
-    return 1
+    values = args[0::2] if isinstance(expression, se.Piecewise) else args
+    counts = [count_terms(x, known) for x in values]
+    return math.prod(counts) if isinstance(expression, se.Mul) else sum(counts)
 
 
 def count_operations(expressions: Iterable[Basic]) -> int:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing import connection, get_context
+from pathlib import Path
 from typing import Any
 
 from lagcli.arrays import Numbers
@@ -22,8 +26,9 @@ _FIRST = 16  # number of rows of the first chunk
 _MOST = 4096  # largest number of rows of a chunk
 _MOST_BYTES = 1 << 25  # largest size of the stored samples of a chunk
 _GROWTH = 4
-#: Seconds of work below which processes, each of which imports lagcli, are not worth starting.
-_WORTH = 1.0
+#: Seconds that it takes to start processes: a fork, or an interpreter that imports lagcli, to which
+#: the first chunk adds an upper bound of the time for loading and deriving.
+_FORK, _SPAWN = 0.1, 1.0
 _PATIENCE = 0.05  # s between two checks for cancellation
 
 
@@ -43,6 +48,7 @@ class Chunks:
         self.most = max(1, min(_MOST, _MOST_BYTES // max(1, row_bytes)))
         self.size = min(_FIRST, self.most)
         self.seconds_per_row = 0.0
+        self.first = 0.0  # duration of the first chunk, s
         self.timed = 0  # number of chunks
 
     def next(self) -> Numbers:
@@ -54,6 +60,7 @@ class Chunks:
     def took(self, rows: int, seconds: float) -> None:
         """Record the duration of a chunk."""
         self.seconds_per_row = seconds / rows
+        self.first = self.first if self.timed else seconds
         self.timed += 1
         wanted = int(_CHUNK / max(self.seconds_per_row, 1e-9))
         if wanted < _TOGETHER and _TOGETHER * self.seconds_per_row <= _LONG:
@@ -92,24 +99,36 @@ def run_here(
         began = time.monotonic()
         yield run_rows(spec, numbers, check_cancelled)
         chunks.took(len(numbers), time.monotonic() - began)
-        if jobs > 1 and chunks.left > _WORTH:
-            with _Processes(spec, min(jobs, chunks.missing.left)) as processes:
+        forked = _can_fork()
+        started = _FORK if forked else _SPAWN + chunks.first
+        if chunks.left * (1 - 1 / jobs) > started:
+            with _Processes(spec, min(jobs, chunks.missing.left), forked) as processes:
                 yield from processes.run(chunks, check_cancelled)
 
 
-class _Processes:
-    """Processes that run rows, each with a pipe."""
+def _can_fork() -> bool:
+    """Whether this process may be forked: on Linux, if it has no other threads, whose locks would
+    stay locked in the copy."""
+    tasks = Path("/proc/self/task")
+    return sys.platform == "linux" and tasks.is_dir() and len(list(tasks.iterdir())) == 1
 
-    def __init__(self, spec: Spec, jobs: int):
-        # spawned, not forked: they inherit no open files, and end with their pipe, even if this
-        # process is killed
-        context = get_context("spawn")
+
+class _Processes:
+    """Processes that run rows, each with a pipe.
+
+    Forked processes have what is imported and derived here. Spawned ones start from nothing. Both
+    keep no open files, and end with their pipe, even if this process is killed.
+    """
+
+    def __init__(self, spec: Spec, jobs: int, forked: bool):
+        context: Any = get_context("fork" if forked else "spawn")
+        target = _work_forked if forked else _work
         self.workers: dict[Any, Any] = {}
         blocked = _blocking(signal.SIGINT)  # only this process handles Ctrl-C
         try:
             for _ in range(jobs):
                 ours, theirs = context.Pipe()
-                process = context.Process(target=_work, args=(theirs, spec), daemon=True)
+                process = context.Process(target=target, args=(theirs, spec), daemon=True)
                 process.start()
                 theirs.close()
                 self.workers[ours] = process
@@ -157,6 +176,15 @@ class _Processes:
                 f"a process of the sweep died (exit status {process.exitcode}): it was killed, or"
                 " memory ran out; use fewer --jobs, and continue with --resume"
             ) from None
+
+
+def _work_forked(pipe: Any, spec: Spec) -> None:
+    """Run chunks of rows in a copy of the process, without its files, pipes and signal handlers."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    gc.freeze()  # nothing of the original is finalized here: HDF5 would write into its file
+    os.closerange(3, pipe.fileno())
+    os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
+    _work(pipe, spec)
 
 
 def _work(pipe: Any, spec: Spec) -> None:

@@ -22,9 +22,16 @@ from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.kinds import projected
-from lagcli.equations.presentation.matrices import PARTS, Matrices, abbreviate
+from lagcli.equations.presentation.matrices import (
+    PARTS,
+    Abbreviations,
+    Matrices,
+    abbreviate,
+    without_single_uses,
+)
 from lagcli.equations.presentation.overview import in_matrices
 from lagcli.equations.render import render
+from lagcli.equations.typesetting.nodes import Node, Symbol, children, sum_of
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula
 from lagcli.model.expression.algebra import constant_value
@@ -363,3 +370,26 @@ def test_letters_of_the_theory_where_they_are_free():
     first, second = Matrices(f).steps()[0].lines
     assert [write(x) for x in first.sides] == ["M q̈", "f + Bᵀ λ"]
     assert [write(x) for x in second.sides] == ["B q̈", "γ"]
+
+
+def test_abbreviations_are_written_in_the_order_of_their_numbers() -> None:
+    f = Formulas(derive(load(SHIPPED["pendulum_cartesian"])))
+    first, second, third = map(se.Symbol, ("z_1", "z_2", "z_3"))
+    f.in_order(("z_1", "z_2", "z_3"))
+    f.arrange(third * second)  # what was arranged before does not matter
+    names = [x.name for x in children(f.arrange(third * second * first)) if isinstance(x, Symbol)]
+    assert names == ["z_1", "z_2", "z_3"]
+
+
+def test_formulas_of_abbreviations_that_occur_in_two_are_not_arranged() -> None:
+    x, y, z, s = map(se.Symbol, ("x", "y", "z_1", "z_2"))
+    arranged: list[se.Basic] = []
+
+    def arrange(e: se.Basic) -> Node:
+        arranged.append(e)
+        return sum_of((1, Symbol(str(part))) for part in e.free_symbols)
+
+    given = Abbreviations({"z_1": x + y, "z_2": x - y}, (z * x + z, y + z, s * x))
+    found = without_single_uses(given, arrange)
+    assert z * x + z not in arranged
+    assert found == Abbreviations({"z_1": x + y}, (z * x + z, y + z, (x - y) * x))
