@@ -22,7 +22,8 @@ _RESERVED = words(
     " POSITIONS NONLINEAR rows position_rows position_of unit terms raise_scales bounded clipped"
     " piece table solve share rate"
     " solve_constrained slopes S J NX share shares multiply solve_shares slopes_along"
-    " share_jacobian eliminated abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
+    " share_jacobian eliminated"
+    " abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh sqrt cbrt hypot erf erfc floor ceil fabs fmax fmin fmod round trunc rint"
     " free malloc calloc exit printf puts getc putc rand div abort system remove rename"
     " linux unix i386 L_ctermid L_cuserid L_tmpnam L_tmpnam_s P_tmpdir alloca environ"
@@ -115,16 +116,6 @@ def write_c(content: Content) -> str:
     return "\n".join(["/*", *(line.rstrip() for line in lines), " */", text])
 
 
-_ELIMINATED = """
-/*
- * a and lambda by an elimination in a fixed order of pivots, which suits the states of the model's own run.
- * Returns 0 where they are not accurate: an equation does not hold to rounding errors, as where a pivot is small.
- */
-static int eliminated(double t, const double *q, const double *v, const double *p, double *a, double *lambda)
-{
-@body@
-}
-"""
 _SOLVED = """\
     if (eliminated(t, q, v, p, a, lambda))
         return 0;
@@ -266,12 +257,16 @@ def _eliminated(writer: CodeWriter) -> str:
         lines += [
             f"    mu[{k}] = {solved.multipliers[i]};" for k, i in enumerate(writer.content.rows)
         ]
-        lines += [f"    if (!({accurate}))", "        return 0;", "    return !share(B, mu, lambda);"]
+        lines += [
+            f"    if (!({accurate}))",
+            "        return 0;",
+            "    return !share(B, mu, lambda);",
+        ]
     else:
         lines += [f"    lambda[{i}] = {x};" for i, x in enumerate(solved.multipliers)]
         lines += [] if solved.multipliers else ["    (void)lambda;"]
         lines += [f"    return {accurate};"]
-    return filled(_ELIMINATED, body="\n".join(lines))
+    return filled(asset("eliminated.c"), body="\n".join(lines))
 
 
 def _terms(writer: CodeWriter) -> list[str]:

@@ -58,7 +58,7 @@ def order_of(
     known: Elimination | None,
     rows: Sequence[int],
 ) -> Elimination | None:
-    """Return an order of elimination for code; None if its solutions are not accurate or it is long.
+    """Return an order of elimination for code; None if none is accurate, or all are long.
 
     Parameters
     ----------
