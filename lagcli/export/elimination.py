@@ -26,8 +26,6 @@ from lagcli.engine.tape.tape import Arithmetic, Tape
 ACCURATE = 2e-14
 #: Residual of an equation whose terms are all 0; not denormal, which some compilers make 0.
 _LEAST = 1e-300
-#: Size beyond which an equation is not checked, so that it does not hold.
-_LARGEST = 1e300
 
 
 class EliminatedTape(NamedTuple):
@@ -122,41 +120,15 @@ def eliminated_tape(system: System, elimination: Elimination) -> EliminatedTape:
         sums.append(total)
         sizes.append(size)
     layout = UnrolledLayout(system.counts)
-    for k, x in _accelerations(builder, system, out, sizes).items():
-        # all terms of B a = 0 may be rounding errors, as of a drive at constant speed
-        sizes[nq + k] = builder.plus(sizes[nq + k], x)
     accurate: list[int] = []
     for i, (total, size) in enumerate(zip(sums, sizes, strict=True)):
         if total != builder.zero and i - nq not in left_out:
             # infinite terms do not hold, but terms that are all 0
             within = builder.plus(builder.times(bound, size), least)
             accurate.append(builder.emit(Op.LT, builder.magnitude(total), within))
-    largest = builder.constant(_LARGEST)
-    for i, x in enumerate(sizes[nq:]):
-        if i not in left_out and out[layout.rhs][i] == builder.zero:
-            accurate.append(builder.emit(Op.LT, x, largest))
     jacobian = out[layout.jacobian] if left_out else []
     tape = builder.finish([*out[layout.solution], *jacobian, *accurate])
     return EliminatedTape(tape, len(tape.outputs) - len(accurate))
-
-
-def _accelerations(
-    builder: Arithmetic, system: System, out: Sequence[int], sizes: Sequence[int]
-) -> dict[int, int]:
-    """Emit Σ |B_ij| s_j / M_jj of the rows with γ_i = 0, where s_j is the size of equation j."""
-    layout = UnrolledLayout(system.counts)
-    rhs, found = out[layout.rhs], dict[int, int]()
-    inertia = {
-        i: x
-        for (i, j), x in zip(system.mass_pattern, out[layout.mass_matrix], strict=True)
-        if i == j
-    }
-    for (i, j), x in zip(system.jacobian_pattern, out[layout.jacobian], strict=True):
-        if rhs[i] == builder.zero and j in inertia:
-            share = builder.times(sizes[j], builder.magnitude(builder.inverse(inertia[j])))
-            term = builder.times(builder.magnitude(x), share)
-            found[i] = builder.plus(found.get(i, builder.zero), term)
-    return found
 
 
 def equations_of(
