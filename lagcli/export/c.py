@@ -22,7 +22,8 @@ _RESERVED = words(
     " POSITIONS NONLINEAR rows position_rows position_of unit terms raise_scales bounded clipped"
     " piece table solve share rate"
     " solve_constrained slopes S J NX share shares multiply solve_shares slopes_along"
-    " share_jacobian abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
+    " share_jacobian eliminated"
+    " abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh sqrt cbrt hypot erf erfc floor ceil fabs fmax fmin fmod round trunc rint"
     " free malloc calloc exit printf puts getc putc rand div abort system remove rename"
     " linux unix i386 L_ctermid L_cuserid L_tmpnam L_tmpnam_s P_tmpdir alloca environ"
@@ -101,6 +102,8 @@ def write_c(content: Content) -> str:
         slopes="\n".join(_slopes(writer)),
         columns=_strings(content.columns),
         share=asset("share.c") if redundant else "",
+        eliminated=_eliminated(writer),
+        solved=_SOLVED if writer.solved else "",
         solution=_SHARED if redundant else _REGULAR,
         jacobian=_SHARED_JACOBIAN if redundant else _REGULAR_JACOBIAN,
         names=_strings(names),
@@ -113,6 +116,10 @@ def write_c(content: Content) -> str:
     return "\n".join(["/*", *(line.rstrip() for line in lines), " */", text])
 
 
+_SOLVED = """\
+    if (eliminated(t, q, v, p, a, lambda))
+        return 0;
+"""
 _REGULAR = "    return solve_constrained(M, f, B, NC, rows, 1, gamma, a, lambda);"
 _SHARED = """\
     double c[ROWS], mu[ROWS];
@@ -234,6 +241,32 @@ def _equations(writer: CodeWriter) -> list[str]:
     lines += ["    memset(B, 0, sizeof(double) * NC * NQ);"]
     lines += [f"    B[{i} * NQ + {j}] = {x};" for i, j, x in rows]
     return lines + [f"    gamma[{i}] = {x};" for i, x in enumerate(writer.vector(parts["rhs"]))]
+
+
+def _eliminated(writer: CodeWriter) -> str:
+    """Return the function with the unrolled elimination."""
+    solved = writer.solved
+    if solved is None:
+        return ""
+    lines = _body(writer, solved.section, ("t", "q", "v", "p"))
+    lines += [f"    a[{i}] = {x};" for i, x in enumerate(solved.a)]
+    accurate = " &&\n        ".join(solved.accurate) or "1"
+    if writer.content.redundant:
+        lines += ["    double B[NC * NQ] = {0.0}, mu[ROWS];"]
+        lines += [f"    B[{i} * NQ + {j}] = {x};" for i, j, x in solved.jacobian]
+        lines += [
+            f"    mu[{k}] = {solved.multipliers[i]};" for k, i in enumerate(writer.content.rows)
+        ]
+        lines += [
+            f"    if (!({accurate}))",
+            "        return 0;",
+            "    return !share(B, mu, lambda);",
+        ]
+    else:
+        lines += [f"    lambda[{i}] = {x};" for i, x in enumerate(solved.multipliers)]
+        lines += [] if solved.multipliers else ["    (void)lambda;"]
+        lines += [f"    return {accurate};"]
+    return filled(asset("eliminated.c"), body="\n".join(lines))
 
 
 def _terms(writer: CodeWriter) -> list[str]:

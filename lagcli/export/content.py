@@ -18,23 +18,27 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import row_scale
 from lagcli.engine.lowering.lower import lower
-from lagcli.engine.system import Pattern, System
+from lagcli.engine.system import Pattern, State, System
 from lagcli.engine.tape.inputs import PiecewiseFunction
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import NumericalError, UsageError
+from lagcli.export.elimination import EliminatedTape, eliminated_tape, order_of
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values, independent_parameters
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.simulation import Simulation, ready
+from lagcli.trajectory.samples import Record, Samples
 from lagcli.version import __version__
 
 #: Largest number of accelerations and multipliers: code solves for them densely.
 MOST_UNKNOWNS = 400
 #: Part of a row of B, over its length, that must be independent of the rows before it.
 _INDEPENDENT = 1e-6
+#: Number of states of the run that an order of elimination should suit.
+_STATES = 16
 
 #: What every file says of its use.
 LICENCE = "This file may be used, changed and passed on without any condition."
@@ -98,10 +102,32 @@ class Content:
 
         The model is simulated.
         """
-        record = self.simulation.run(lambda samples: None)
+        record, _ = self._run
         initial = self.simulation.initial
         known = record.tolerances or dict.fromkeys(initial, self.settings.rtol)
         return np.array([known[name] for name in initial])
+
+    @cached_property
+    def _run(self) -> tuple[Record, list[State]]:
+        """The record of the model's run, and a few of its states, the initial one first."""
+        start, found = self.start.state, list[State]()
+
+        def take(samples: Samples) -> None:
+            rows = zip(samples.time, samples.q, samples.v, strict=True)
+            found.extend(State(float(t), q, v, start.p) for t, q, v in rows)
+
+        record = self.simulation.run(take)
+        return record, [start, *found[:: max(1, len(found) // _STATES)]]
+
+    @cached_property
+    def solved(self) -> EliminatedTape | None:
+        """a and λ by an unrolled elimination.
+
+        None where no order suits, or its operations are too many. λ of redundant constraints is 0.
+        """
+        evaluator = Evaluator(self.system, self.start.state.p)
+        order = order_of(evaluator, self._run[1], self.start.elimination, self.rows)
+        return None if order is None else eliminated_tape(self.system, order)
 
     @cached_property
     def dynamics(self) -> Tape:

@@ -12,11 +12,12 @@ from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Evaluator, TapeMatrices
 from lagcli.engine.integrate.prepared import find_elimination
 from lagcli.engine.layout import UnrolledLayout
-from lagcli.engine.linear.elimination import Elimination, unroll
+from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.errors import UsageError
 from lagcli.export.content import Content, content_of
+from lagcli.export.elimination import equations_of
 from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
 
@@ -372,21 +373,9 @@ def solved_tape(system: System, elimination: Elimination) -> Tape:
     """
     given, counts = system.dynamics, system.counts
     builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
-    whole = unroll(system, elimination)
-    layout = UnrolledLayout(counts)
-    places = [*range(layout.size), *range(layout.solution.start, layout.solution.stop)]
-    out = builder.splice(whole, range(given.inputs), sorted(set(places)))
-    a = out[layout.solution][: counts.nq]
-    multipliers = out[layout.solution][counts.nq :]
-    terms = [[builder.negative(x)] for x in out[layout.forcing]]
-    rows = [[builder.negative(x)] for x in out[layout.rhs]]
-    for (i, j), x in zip(system.mass_pattern, out[layout.mass_matrix], strict=True):
-        terms[i].append(builder.times(x, a[j]))
-    for (i, j), x in zip(system.jacobian_pattern, out[layout.jacobian], strict=True):
-        terms[j].append(builder.negative(builder.times(x, multipliers[i])))
-        rows[i].append(builder.times(x, a[j]))
+    out, equations = equations_of(builder, system, elimination)
     residual, least = builder.zero, builder.constant(np.finfo(float).tiny)
-    for equation in [*terms, *rows]:
+    for equation in equations:
         total, size = builder.zero, least
         for term in equation:
             total = builder.plus(total, term)
@@ -394,7 +383,7 @@ def solved_tape(system: System, elimination: Elimination) -> Tape:
         residual = builder.plus(
             residual, builder.times(builder.magnitude(total), builder.inverse(size))
         )
-    return builder.finish([*a, *multipliers, residual])
+    return builder.finish([*out[UnrolledLayout(counts).solution], residual])
 
 
 def _turned(matrices: Array) -> Array:

@@ -64,6 +64,26 @@ class CodeSection(NamedTuple):
         return self._replace(assigned=assigned)
 
 
+class Solved(NamedTuple):
+    """The unrolled elimination as text.
+
+    Parameters
+    ----------
+    section : CodeSection
+    a, multipliers : lists of nq and of nc str
+    accurate : list of str
+        Conditions, of which all hold where they are accurate.
+    jacobian : list of (row, column, str)
+        The nonzero entries of B, if constraints are redundant.
+    """
+
+    section: CodeSection
+    a: list[str]
+    multipliers: list[str]
+    accurate: list[str]
+    jacobian: list[tuple[int, int, str]]
+
+
 class Sections(NamedTuple):
     """The functions of code.
 
@@ -75,6 +95,8 @@ class Sections(NamedTuple):
         The entries of `lagcli.export.content.SlopeTape`.
     terms : CodeSection, optional
         Sums of the magnitudes of the terms of φ and of ψ.
+    solved : CodeSection, optional
+        The outputs of `lagcli.export.elimination.EliminatedTape`.
     """
 
     dynamics: CodeSection
@@ -82,6 +104,7 @@ class Sections(NamedTuple):
     report: CodeSection
     slopes: CodeSection | None = None
     terms: CodeSection | None = None
+    solved: CodeSection | None = None
 
     @property
     def written(self) -> tuple[CodeSection, ...]:
@@ -152,6 +175,7 @@ class CodeWriter:
             self._section(content.report, [*state, *forces]),
             self._section(content.slopes.tape, [*state, *forces]) if differentiates else None,
             self._section(content.terms, state) if projects else None,
+            None if content.solved is None else self._section(content.solved.tape, state),
         )
 
     def _of(self, array: str, names: Sequence[str]) -> list[LocalVariable]:
@@ -172,6 +196,24 @@ class CodeWriter:
             tuple(x for x in variables if x.name in assigned.read),
             tuple(dict.fromkeys((name, i) for place, name, i in pieces if place in assigned.read)),
             assigned,
+        )
+
+    @property
+    def solved(self) -> Solved | None:
+        """The unrolled elimination; None if there is none."""
+        section = self.sections.solved
+        if section is None:
+            return None
+        assert self.content.solved is not None
+        system, outputs = self.content.system, section.assigned.outputs
+        nq, unknowns, first = system.counts.nq, system.counts.unknowns, self.content.solved.first
+        entries = outputs[unknowns:first]
+        return Solved(
+            section,
+            self.vector(outputs[:nq]),
+            self.vector(outputs[nq:unknowns]),
+            [self.syntax.condition(x) for x in outputs[first:]],
+            self.matrix(system.jacobian_pattern, entries) if entries else [],
         )
 
     def place(self, array: str, index: int) -> str:
