@@ -154,6 +154,7 @@ bench: $(TESTED) $(BENCH)/.installed ## Run the long tests; measure beside other
 	$(BIN)/python tests/benchmark/shell_loop.py
 	$(BIN)/python tests/benchmark/sweep_rows.py
 	$(BIN)/python tests/benchmark/native_code.py
+	$(BIN)/python tests/benchmark/event_log_size.py
 	$(BIN)/python tests/benchmark/fitting.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
