@@ -155,6 +155,7 @@ bench: $(TESTED) $(BENCH)/.installed ## Run the long tests; measure beside other
 	$(BIN)/python tests/benchmark/sweep_rows.py
 	$(BIN)/python tests/benchmark/native_code.py
 	$(BIN)/python tests/benchmark/exported_code.py
+	$(BIN)/python tests/benchmark/event_log_size.py
 	$(BIN)/python tests/benchmark/fitting.py
 	$(BIN)/python tests/benchmark/prompt_times.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .

@@ -15,6 +15,7 @@ from lagcli.engine.event_entries import OCCURRENCES, EventEntries
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.simulations.derived import DerivedColumns
+from lagcli.sparse_table import merged_changes
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog, EventRecords
 from lagcli.trajectory.samples import Samples
 
@@ -57,14 +58,19 @@ def event_log(
         records = event_records(system, derived, limits, rules)
     named = [*system.constraints, *(rule.name for rule in switching.events)]
     number = which + len(system.constraints) * (kinds == _EVENT)
-    vectors = ("q", "before", "after", "impulse", "loss", "supplied", "work")
+    start = np.array(outcome.modes, dtype=np.intp).reshape(len(switching.rows))
+    changes = entries.changes
+    # modes never go back: an entry that moves ahead of others shows what they have changed
+    shown = np.searchsorted(np.maximum.accumulate(order), changes.row)
+    vectors = ("q", "before", "after", "loss", "supplied", "work")
     return EventLog(
         rows=tuple(system.constraints[row.row] for row in switching.rows),
-        start=np.array(outcome.modes, dtype=np.intp).reshape(len(switching.rows)),
+        start=start,
         time=time[order],
         names=tuple(named[i] for i in number[order].tolist()),
         kinds=tuple(OCCURRENCES[k] for k in kinds[order].tolist()),
-        modes=entries.integers("modes")[np.maximum.accumulate(order)],
+        mode_changes=merged_changes(start, len(order), shown, changes.column, changes.value),
+        nonzero_impulses=entries.impulses.taken(order),
         records=records,
         parameters=names,
         dtime=entries.part("dtime")[order] if names else np.empty((0, 0)),

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.prose import counted
+from lagcli.sparse_table import SparseTable, modes_after
 
 #: Modes of switched rows, numbered as `lagcli.engine.switching.switching.RowMode`.
 MODES = ("open", "holds", "forward", "backward")
@@ -165,9 +167,9 @@ class EventLog:
         ends, since the motion is not unique, does not exist, or needs a force without bound.
     q, before, after : (ne, nq) arrays
         The coordinates, and the velocities before and after the instant.
-    impulse : (ne, nc) array
-        Impulse of all constraints at the instant, J s per unit of the constraint; 0 without an
-        impact.
+    nonzero_impulses : SparseTable
+        (ne, nc): the impulses of all constraints at the instant other than 0, J s per unit of the
+        constraint.
     loss : (ne,) array
         Energy absorbed by the entry's own impulse, −Λ (γ⁻ + γ⁺)/2 including its friction, J; for
         "rest", energy that the remaining impacts absorb besides friction.
@@ -175,8 +177,8 @@ class EventLog:
         Energy supplied by the impulses of moving constraints, J.
     work : (ne,) array
         Work of the event's actions, and energy lost by velocities when it engages a constraint, J.
-    modes : (ne, ns) array of int
-        Modes of the switched rows after the entry.
+    mode_changes : SparseTable
+        (ne, ns): the modes of the switched rows after the entry that differ from those before.
     records : EventRecords
         Recorded columns of events.
     parameters : tuple of n str
@@ -193,17 +195,28 @@ class EventLog:
     q: Array
     before: Array
     after: Array
-    impulse: Array
+    nonzero_impulses: SparseTable
     loss: Array
     supplied: Array
     work: Array
-    modes: Indices
+    mode_changes: SparseTable
     records: EventRecords = NOTHING_RECORDED
     parameters: tuple[str, ...] = ()
     dtime: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @cached_property
+    def modes(self) -> Indices:
+        """Modes of the switched rows after each entry, (ne, ns): made when asked for."""
+        return modes_after(self.start, self.mode_changes, np.arange(1, len(self) + 1))
+
+    @cached_property
+    def impulse(self) -> Array:
+        """Impulses of all constraints at each entry, (ne, nc), J s per unit of the constraint; 0
+        without an impact. The array is made when asked for."""
+        return np.asarray(self.nonzero_impulses.dense())
 
     def check(self) -> None:
         """Raise ValueError unless times are in order, and kinds and modes are known."""
@@ -212,18 +225,28 @@ class EventLog:
         unknown = set(self.kinds) - set(KINDS)
         if unknown:
             raise ValueError(f"there is an event of the kind {min(unknown)!r}")
-        for modes in (self.start, self.modes):
-            if modes.size and not 0 <= modes.min() <= modes.max() < len(MODES):
-                raise ValueError("there is an unknown mode")
         if len(set(self.rows)) < len(self.rows):
             raise ValueError("a row switches twice")
+        for what, rows, width in (
+            ("modes", self.mode_changes, len(self.rows)),
+            ("impulses", self.nonzero_impulses, self.nonzero_impulses.shape[1]),
+        ):
+            if rows.shape != (len(self), width):
+                raise ValueError(f"{what} of events have the shape {rows.shape}")
+            rows.check(f"{what} of events")
+        for modes in (self.start, self.mode_changes.value):
+            if modes.size and not 0 <= modes.min() <= modes.max() < len(MODES):
+                raise ValueError("there is an unknown mode")
         self.records.check(len(self))
         if self.parameters and self.dtime.shape != (len(self), len(self.parameters)):
             raise ValueError("there is not one derivative of each time by each parameter")
-        for name in ("loss", "supplied", "work", "impulse"):
-            with np.errstate(over="ignore"):
-                if np.isinf(np.abs(getattr(self, name)).sum(axis=0)).any():
-                    raise ValueError(f"{name} of the events, or its sum, is infinite")
+        amounts = {name: getattr(self, name) for name in ("loss", "supplied", "work")}
+        with np.errstate(over="ignore"):
+            sums = {name: np.abs(values).sum() for name, values in amounts.items()}
+            sums["impulse"] = self._sums(np.abs(self.nonzero_impulses.value))
+        for name, total in sums.items():
+            if np.isinf(total).any():
+                raise ValueError(f"{name} of the events, or its sum, is infinite")
 
     def recorded(self, column: str) -> tuple[Array, Array]:
         """Return a recorded column, right before and right after each entry.
@@ -263,7 +286,15 @@ class EventLog:
         (nt, ns) array of int
             Indices into `MODES`.
         """
-        return np.vstack([self.start, self.modes])[np.searchsorted(self.time, time, side="right")]
+        return modes_after(
+            self.start, self.mode_changes, np.searchsorted(self.time, time, side="right")
+        )
+
+    def mode(self, entry: int, row: int) -> int:
+        """Return the mode of a row after an entry."""
+        entries, modes = self.mode_changes.of_column(row)
+        seen = int(np.searchsorted(entries, entry, side="right"))
+        return int(modes[seen - 1] if seen else self.start[row])
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Return the number of entries by name and kind, in the order of first occurrence."""
@@ -295,19 +326,33 @@ class EventLog:
 
         All entries of one impact contain its impulses, which are counted once.
         """
-        return np.asarray(self.impulse[self._impacts()].sum(axis=0))
+        counted_once = self._impacts()[self.nonzero_impulses.row]
+        return self._sums(np.where(counted_once, self.nonzero_impulses.value, 0.0))
+
+    def _sums(self, values: Array) -> Array:
+        """Return the sums of values at the places of the impulses, (nc,)."""
+        sums = np.zeros(self.nonzero_impulses.shape[1])
+        np.add.at(sums, self.nonzero_impulses.column, values)
+        return sums
 
     def _impacts(self) -> Array:
         """Return a mask of the first entry of each impact."""
+        starts, values = np.array(self.nonzero_impulses.starts()), self.nonzero_impulses.value
+        count, column = np.diff(starts), self.nonzero_impulses.column
         first = np.ones(len(self), dtype=bool)
-        same = (self.impulse[1:] == self.impulse[:-1]).all(axis=1)
-        first[1:] = ~(same & (self.time[1:] == self.time[:-1]))
+        for i in np.flatnonzero((np.diff(self.time) == 0.0) & (count[1:] == count[:-1])).tolist():
+            one, other = (slice(*starts[k : k + 2]) for k in (i, i + 1))
+            first[i + 1] = not (
+                np.array_equal(column[one], column[other])
+                and np.array_equal(values[one], values[other])
+            )
         return first
 
     def struck(self, constraint: int) -> tuple[Array, Array]:
         """Return the times and the values of the impulses of a constraint other than zero."""
-        first = self._impacts() & (self.impulse[:, constraint] != 0.0)
-        return self.time[first], self.impulse[first, constraint]
+        entries, values = self.nonzero_impulses.of_column(constraint)
+        first = self._impacts()[entries]
+        return self.time[entries[first]], values[first]
 
     def named_at(self, time: float) -> str:
         """Return what happens at an instant of the log: name and kind, or several names."""
@@ -332,22 +377,29 @@ class EventLog:
             ``min``, ``max`` and their times ``t_min``, ``t_max``, s; ``sum``, and the ``count``
             of impulses other than zero.
         """
-        first = self._impacts()
-        time, impulses = self.time[first], self.impulse[first]
+        first = self._impacts()[self.nonzero_impulses.row]
+        order = np.argsort(self.nonzero_impulses.column[first], kind="stable")
+        time, column, every = (
+            x[first][order]
+            for x in (
+                self.time[self.nonzero_impulses.row],
+                self.nonzero_impulses.column,
+                self.nonzero_impulses.value,
+            )
+        )
         ranges = {}
-        for name, column in zip(constraints, impulses.T, strict=True):
-            (struck,) = np.nonzero(column)
-            if len(struck):
-                values = column[struck]
-                low, high = int(values.argmin()), int(values.argmax())
-                ranges[name] = {
-                    "min": float(values[low]),
-                    "t_min": float(time[struck[low]]),
-                    "max": float(values[high]),
-                    "t_max": float(time[struck[high]]),
-                    "sum": float(values.sum()),
-                    "count": len(struck),
-                }
+        for k in np.unique(column).tolist():
+            mine = slice(*np.searchsorted(column, (k, k + 1)))
+            at, values = time[mine], every[mine]
+            low, high = int(values.argmin()), int(values.argmax())
+            ranges[constraints[k]] = {
+                "min": float(values[low]),
+                "t_min": float(at[low]),
+                "max": float(values[high]),
+                "t_max": float(at[high]),
+                "sum": float(values.sum()),
+                "count": len(values),
+            }
         return ranges
 
     def to_mapping(self) -> dict[str, Any]:
@@ -391,7 +443,7 @@ class EventLog:
         ]
 
     def _words_at_end(self) -> list[str]:
-        last = self.modes[-1] if len(self) else self.start
+        (last,) = modes_after(self.start, self.mode_changes, np.array([len(self)]))
         return [MODES[mode] for mode in last]
 
     def _last_records(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lagcli.trajectory.event_log import EventLog
 
 #: Version of the layout of result files.
-SCHEMA_VERSION = "2"
+SCHEMA_VERSION = "3"
 
 #: The sign convention of lambda, written to every file (textbook equation 8.85).
 SIGN_CONVENTION = (

@@ -39,6 +39,7 @@ FOREIGN = {
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "prose": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "sparse_table": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
@@ -104,8 +105,8 @@ HEAVY = {
     "h5py": set(),
     "scipy": {"engine"},
     "numpy": {
-        *("arrays", "engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
-        *("analysis", "export", "play", "cli"),
+        *("arrays", "sparse_table", "engine", "trajectory", "simulations", "results"),
+        *("sweeps", "pictures", "analysis", "export", "play", "cli"),
     },
     "symengine": {
         *("model", "equations", "engine", "simulations", "live", "pictures", "sweeps", "analysis"),

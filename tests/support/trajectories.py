@@ -12,6 +12,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from lagcli.columns import QUANTITIES
+from lagcli.sparse_table import SparseTable, changes_of
 from lagcli.trajectory.event_log import EventLog, EventRecords
 from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
@@ -173,6 +174,7 @@ def make_log(
     """Return a log of random numbers."""
     random = np.random.default_rng(seed)
     count, rows = len(entries), ("floor", "floor.slip")
+    start = np.zeros(len(rows), dtype=np.intp)
     time, names, kinds = zip(*entries, strict=True) if entries else ((), (), ())
     recording = [i for i, kind in enumerate(kinds) if kind == "event"]
     columns = ("y_dot", "lambda.guide") if recording else ()
@@ -180,18 +182,21 @@ def make_log(
     sides[:, 1:, :1] = np.nan  # another event records fewer columns
     return EventLog(
         rows=rows,
-        start=np.zeros(len(rows), dtype=np.intp),
+        start=start,
         time=np.array(time, dtype=float),
         names=names,
         kinds=kinds,
         q=random.normal(size=(count, len(coordinates))),
         before=random.normal(size=(count, len(coordinates))),
         after=random.normal(size=(count, len(coordinates))),
-        impulse=random.normal(size=(count, len(constraints))),
+        nonzero_impulses=SparseTable.of(
+            random.normal(size=(count, len(constraints)))
+            * random.integers(0, 2, size=(count, len(constraints)))
+        ),
         loss=np.abs(random.normal(size=count)),
         supplied=random.normal(size=count),
         work=random.normal(size=count),
-        modes=random.integers(0, 4, size=(count, len(rows))),
+        mode_changes=changes_of(start, random.integers(0, 4, size=(count, len(rows)))),
         records=EventRecords(
             columns=columns,
             entry=np.array(recording, dtype=np.intp),
@@ -218,7 +223,13 @@ def assert_same_logs(one: EventLog | None, other: EventLog | None) -> None:
     for a, b, field in (*both, *parts):
         if isinstance(a, EventRecords):
             continue
-        if isinstance(a, np.ndarray):
+        if isinstance(a, SparseTable):
+            assert isinstance(b, SparseTable)
+            assert a.shape == b.shape
+            for x, y in zip(a[1:], b[1:], strict=True):
+                assert x.dtype == y.dtype, field.name
+                np.testing.assert_array_equal(x, y, err_msg=field.name)
+        elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype, field.name
             np.testing.assert_array_equal(a, b, err_msg=field.name)
         else:

@@ -305,7 +305,9 @@ class SwitchingIntegrator(Integrator):
         """Return the model with the problem, the clocks and the log."""
         record, given = super()._record(problem, breaks), self._given
         width = entry_layout(self.entry_counts).size
-        self._log = np.empty((max(self._log_rows, 8 * self._rows + 8), width))
+        # lag_log_has_room asks for space for one round of all rows; a log of many rows is passed on
+        # as early as one of few, so that most of it is not touched
+        self._log = np.empty((self._log_rows + 4 * self._rows + 1, width))
         clocks = clock_fields(self._ticks)
         record.rules.clocks = clocks["clocks"]
         record.rules.ticks = given.doubles(clocks["ticks"])

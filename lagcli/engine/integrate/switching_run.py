@@ -211,7 +211,7 @@ class SwitchingIntegration(Integration):
         run.notes = (*run.notes, *self.actions.notes.values())
         first_modes, run.kinks, slid = self.core.course
         run.modes = tuple(first_modes[: len(self.split_system.switching.rows)])
-        acted = any(run.modes) or slid or (self.log and self.log.part("modes").any())
+        acted = any(run.modes) or slid or (self.log and self.log.changes.value.any())
         if acted or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
@@ -366,7 +366,7 @@ class SwitchingIntegration(Integration):
         first = self.instants.first
         kinds = self.log.integers("occurrence", first)
         of_events = (kinds >= _OF_EVENTS.start) & (kinds < _OF_EVENTS.stop)
-        self.log.part("modes")[first:][of_events] = modes
+        self.log.replace_modes(first + np.flatnonzero(of_events), modes)
         self.complete_engagement()
         right = None
         if self.instants.recording:
@@ -387,9 +387,7 @@ class SwitchingIntegration(Integration):
         others = 0.0
         for change in (supplied - loss + of_work).tolist():
             others += change
-        self.log[k] = entry._replace(
-            work=entry.work + float(state[-1]) - work - others, after=after
-        )
+        self.log.correct(k, work=entry.work + float(state[-1]) - work - others, after=after)
 
     # samples
 

@@ -534,13 +534,14 @@ def _impulse_unit(run: RunFile, log: EventLog) -> str:
 
 def _entries(run: RunFile, log: EventLog) -> str:
     places = _listed(len(log))
+    struck = set(log.nonzero_impulses.row.tolist())
     rows = []
     for i in places:
         name, impulse, mode = log.names[i], "", ""
-        if name in run.constraints and log.impulse[i].any():
-            impulse = number(log.impulse[i, run.constraints.index(name)])
+        if name in run.constraints and i in struck:
+            impulse = number(float(log.nonzero_impulses.at([i], [run.constraints.index(name)])[0]))
         if name in log.rows:
-            mode = MODES[log.modes[i, log.rows.index(name)]]
+            mode = MODES[log.mode(i, log.rows.index(name))]
         amounts = [number(x[i], 4) if x[i] else "" for x in (log.loss, log.supplied, log.work)]
         time = time_button(float(log.time[i]), 9)
         rows.append([time, own_words(name), log.kinds[i], mode, impulse, *amounts])

@@ -413,7 +413,7 @@ def _flashes(scene: Scene, log: EventLog, constraints: Sequence[str]) -> tuple[D
     if not seen:
         return ()
     rows = [constraints.index(log.names[i]) for i in seen]
-    sizes = np.abs(log.impulse[seen, rows])
+    sizes = np.abs(log.nonzero_impulses.at(seen, rows))
     order = np.argsort(-sizes, kind="stable")[:MOST_FLASHES]
     kept = np.sort(order[sizes[order] > WEAK * sizes.max(initial=0.0)])
     flashes = []

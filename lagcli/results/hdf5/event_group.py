@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import h5py
@@ -19,6 +19,7 @@ from lagcli.results.hdf5.container import (
     set_text,
 )
 from lagcli.results.hdf5.structure import group, numbers, read_texts
+from lagcli.sparse_table import SparseTable
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 GROUP, _DTIME = "events", "dtime"
@@ -30,7 +31,6 @@ _ARRAYS = (
     ("q", "q", "coordinate", "coordinates there", "those of the coordinates"),
     ("velocity_before", "before", "coordinate", "velocities before", "per second"),
     ("velocity_after", "after", "coordinate", "velocities after", "per second"),
-    ("impulse", "impulse", "constraint", "impulses of all constraints", "J*s per unit"),
     ("loss", "loss", "", "energy that the impulse of the row takes", "J"),
     ("supplied", "supplied", "", "energy that moving constraints supply", "J"),
     ("work", "work", "", "work of the event's actions", "J"),
@@ -74,16 +74,45 @@ def write_events(
         described(add_texts(place, name, texts), [event], what, "none")
     for name, modes, along in (
         ("mode_at_start", log.start, [row]),
-        ("mode_after", log.modes, [event, row]),
         ("mode", log.modes_at(time), [axes["time"], row]),
     ):
         described(add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
 
+    _write_sparse(
+        place, "change", "row", log.mode_changes, add_indices, f"new modes: {_MODES}", "1"
+    )
+    _write_sparse(
+        *(place, "impulse", "constraint", log.nonzero_impulses, add_array),
+        *("impulses of constraints other than 0", "J*s per unit"),
+    )
     if log.parameters:
         slopes = add_array(place, _DTIME, log.dtime)
         described(slopes, [event, axes["parameter"]], "derivatives of the times", "s per unit")
     if log.records.columns:
         _write_records(place, log)
+
+
+def _write_sparse(
+    place: h5py.Group,
+    name: str,
+    column: str,
+    rows: SparseTable,
+    add: Callable[[h5py.Group, str, Any], h5d.DatasetID],
+    what: str,
+    unit: str,
+) -> None:
+    """Write ``NAME``, the numbers, and ``NAME_entry`` and ``NAME_COLUMN``, their places."""
+    entry = add_indices(place, f"{name}_entry", rows.row)
+    make_axis(entry, name)
+    for dataset, title, of in (
+        (entry, "number of the entry, from 0", "1"),
+        (add_indices(place, f"{name}_{column}", rows.column), f"number of the {column}", "1"),
+        (add(place, name, rows.value), what, unit),
+    ):
+        set_text(dataset, "long_name", title)
+        set_text(dataset, "units", of)
+        if dataset is not entry:
+            attach_axes(dataset, [entry])
 
 
 def _write_records(place: h5py.Group, log: EventLog) -> None:
@@ -125,7 +154,7 @@ def read_events(
     place = group(root, GROUP)
     rows, names, kinds = (read_texts(place, name) for name in ("row", "name", "kind"))
     count = len(names)
-    width = {"": (), "coordinate": (coordinates,), "constraint": (constraints,)}
+    width = {"": (), "coordinate": (coordinates,)}
     arrays: dict[str, Any] = {}
     for name, field, axis, *_ in _ARRAYS:
         dataset, shape = numbers(place, name), (count, *width[axis])
@@ -139,7 +168,8 @@ def read_events(
         start=_modes(place, "mode_at_start", (len(rows),)),
         names=names,
         kinds=kinds,
-        modes=_modes(place, "mode_after", (count, len(rows))),
+        mode_changes=_sparse(place, "change", "row", (count, len(rows)), "<i4"),
+        nonzero_impulses=_sparse(place, "impulse", "constraint", (count, constraints), "<f8"),
         records=_records(place) if "column" in place else NOTHING_RECORDED,
         parameters=parameters if _DTIME in place else (),
         dtime=numbers(place, _DTIME)[()] if _DTIME in place else np.empty((0, 0)),
@@ -159,6 +189,22 @@ def _records(place: h5py.Group) -> EventRecords:
             raise ValueError(f"{GROUP}/recorded_{side} has shape {dataset.shape}")
         sides[side] = np.asarray(dataset[()], dtype=np.float64)
     return EventRecords(columns=columns, entry=entry, **sides)
+
+
+def _sparse(
+    place: h5py.Group, name: str, column: str, shape: tuple[int, int], kind: str
+) -> SparseTable:
+    value = numbers(place, name, kind)[()]
+    if value.ndim != 1:
+        raise ValueError(f"{GROUP}/{name} has shape {value.shape} and not one axis")
+    places = list[Indices]()
+    for part in (f"{name}_entry", f"{name}_{column}"):
+        dataset = numbers(place, part, "<i4")
+        if dataset.shape != value.shape:
+            raise ValueError(f"{GROUP}/{part} has shape {dataset.shape}, and {name} {value.shape}")
+        places.append(np.asarray(dataset[()], dtype=np.intp))
+    entry, of = places
+    return SparseTable(shape, entry, of, value.astype(np.intp if kind == "<i4" else np.float64))
 
 
 def _modes(place: h5py.Group, name: str, shape: tuple[int, ...]) -> Indices:

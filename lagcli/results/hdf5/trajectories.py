@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 _HELD = 1 << 23
 
 #: Total number of values in the chunks of all datasets.
-_CHUNK = 1 << 16
+_CHUNK = 1 << 19
 
 # In a long run, and above this number of values, an array with at most a quarter of nonzeros is
 # compressed: columns such as the power of forces that a model does not have.

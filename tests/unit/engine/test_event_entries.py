@@ -45,11 +45,12 @@ def test_entries_come_back_as_they_were_given() -> None:
         log[200]
     assert log.part("time").tolist() == [x.time for x in given]
     assert log.part("work").tolist() == [x.work for x in given]
-    np.testing.assert_array_equal(log.part("impulse"), [x.impulse for x in given])
+    np.testing.assert_array_equal(log.impulses.dense(), [x.impulse for x in given])
     np.testing.assert_array_equal(log.part("dtime"), [x.dtime for x in given])
     kinds = [OCCURRENCES[k] for k in log.integers("occurrence", 150).tolist()]
     assert kinds == [x.occurrence for x in given[150:]]
-    assert log.integers("modes").dtype == np.intp
+    np.testing.assert_array_equal(log.modes(), [x.modes for x in given])
+    np.testing.assert_array_equal(log.modes(150), [x.modes for x in given[150:]])
 
 
 def test_rows_are_copied_in_the_order_of_the_core() -> None:
@@ -69,15 +70,46 @@ def test_rows_are_copied_in_the_order_of_the_core() -> None:
     assert (second.time, second.occurrence) == (WIDTH, "rest")
 
 
-def test_an_entry_is_replaced() -> None:
+def test_an_entry_is_corrected() -> None:
     random = np.random.default_rng(2)
     log = EventEntries(COUNTS)
     for _ in range(3):
         log.append(random_entry(random))
-    before, other = log[1], random_entry(random)
-    log[1] = other
-    assert same(log[1], other)
-    assert not same(log[1], before)
+    given = [log[0], log[1]._replace(work=3.0, after=np.array([1.0, 2.0])), log[2]]
+    log.correct(1, work=3.0, after=np.array([1.0, 2.0]))
+    assert all(map(same, log, given))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_modes_are_replaced_as_in_a_list(seed: int) -> None:
+    """Random sequences of new entries, and of new modes of some of the last ones."""
+    random = np.random.default_rng(seed)
+    counts = EntryCounts(nq=1, nc=4, ns=5)
+    log, expected = EventEntries(counts), np.empty((0, 5), dtype=int)
+    impulses = np.empty((0, 4))
+    for _ in range(12):
+        size = int(random.integers(1, 400))
+        rows = random.standard_normal((size, log.layout.size))
+        few = random.random((size, 5)) < 0.01
+        now = expected[-1] if len(expected) else np.zeros(5)
+        for i, row in enumerate(rows):
+            now = np.where(few[i], random.integers(0, 4, 5), now)
+            row[log.layout.modes] = now
+            row[log.layout.impulse] *= random.random(4) < 0.3
+        log.add(rows)
+        expected = np.vstack([expected, rows[:, log.layout.modes].astype(int)])
+        impulses = np.vstack([impulses, rows[:, log.layout.impulse]])
+        first = len(log) - int(random.integers(0, 9))
+        places = first + np.flatnonzero(random.random(len(log) - first) < 0.5)
+        modes = random.integers(0, 4, 5)
+        log.replace_modes(places, modes)
+        expected[places] = modes
+    np.testing.assert_array_equal(log.modes(), expected)
+    np.testing.assert_array_equal(log.impulses.dense(), impulses)
+    assert len(log.changes.value) < 0.1 * expected.size
+    for i in random.integers(0, len(log), 5).tolist():
+        np.testing.assert_array_equal(log[i].modes, expected[i])
+        np.testing.assert_array_equal(log[i].impulse, impulses[i])
 
 
 def test_derivatives_of_the_time_are_unknown_where_none_are_given() -> None:

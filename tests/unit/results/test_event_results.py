@@ -61,7 +61,8 @@ def test_hdf5_for_other_programs(tmp_path: Path) -> None:
         assert modes[()].tolist() == run.modes.tolist()
         assert modes.dims[0][0].name == "/time"
         assert modes.dims[1][0].asstr()[()].tolist() == ["floor", "floor.slip"]
-        assert root["events/impulse"].dims[1][0].name == "/constraint"
+        assert root["events/impulse"].dims[0][0].name == "/events/impulse_entry"
+        assert root["events/change"].dims[0][0].name == "/events/change_entry"
         assert root["events/loss"].attrs["units"] == b"J"
 
 
@@ -70,11 +71,17 @@ def test_hdf5_for_other_programs(tmp_path: Path) -> None:
     [
         ("time", lambda x: x[::-1]),
         ("time", lambda x: x[:-1]),
-        ("mode_after", lambda x: x + 9),
+        ("change", lambda x: x + 9),
+        ("change", lambda x: x[1:]),
+        ("change_row", lambda x: x + 9),
+        ("change_entry", lambda x: x[::-1]),
+        ("impulse_entry", lambda x: x + 99),
+        ("impulse_constraint", lambda x: x - 9),
+        ("impulse_constraint", lambda x: x[1:]),
         ("mode_at_start", lambda x: x[:1]),
         ("kind", lambda x: np.array([b"crash"] * len(x))),
         ("name", lambda x: x[:2]),
-        ("impulse", lambda x: x[:, :1]),
+        ("impulse", lambda x: x[:-1]),
         ("column", lambda x: x[:1]),
         ("recorded_entry", lambda x: x + 9),
         ("recorded_before", lambda x: x[:, :1]),
@@ -99,7 +106,11 @@ def test_a_group_without_sense_is_damage(tmp_path: Path, dataset: str, change: o
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("impulse.guide", "impulse.rod", "its columns are not those of this model"),
+        ("impulses", "impulse.rod", "its columns are not those of this model"),
+        ("guide=", "rod=", "'rod' is not a name of this model"),
+        ("guide=", "guide", "is not a name and a value"),
+        ("guide=", "guide=x", "could not convert"),
+        ("floor=open; floor.slip=open", "floor=open; floor=open", "'floor.slip' is not a name"),
         (",start,", ",begin,", "no modes at the start"),
         (",impact,", ",crash,", "crash"),
         ("recorded.y_dot.after", "recorded.x_dot.after", "its columns are not those of this model"),

@@ -55,7 +55,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "format": "hdf5",
         "bytes": path.stat().st_size,
         "kind": "trajectory",
-        "schema_version": "2",
+        "schema_version": "3",
         "lagcli_version": "0.1.0",
         "sign_convention": found["sign_convention"],
         "status": "completed",
@@ -148,7 +148,7 @@ def test_the_text(tmp_path: Path) -> None:
     text = format_info({**describe(tmp_path / "run.h5"), "path": "run.h5", "bytes": 20107})
     assert text == (
         """\
-file                run.h5: trajectory, HDF5, 20.1 kB, lagcli 0.1.0, layout 2
+file                run.h5: trajectory, HDF5, 20.1 kB, lagcli 0.1.0, layout 3
 status              completed
 message             reached t_end
 warning             the energy balance has an error

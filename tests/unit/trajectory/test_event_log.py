@@ -9,6 +9,7 @@ import pytest
 from trajectories import make_log, make_with_log
 
 from lagcli.engine.switching.switching import RowMode
+from lagcli.sparse_table import SparseTable, changes_of
 from lagcli.trajectory.event_log import KINDS, MODES, EventLog, Rest, event_sentences
 
 
@@ -25,7 +26,7 @@ def test_modes_at_a_sample_are_those_after_what_happens_there() -> None:
     log = dataclasses.replace(
         make_log(entries=((0.1, "floor", "closes"), (0.2, "floor", "impact"))),
         start=np.array([0, 0]),
-        modes=np.array([[1, 2], [0, 0]]),
+        mode_changes=changes_of(np.array([0, 0]), np.array([[1, 2], [0, 0]])),
     )
     found = log.modes_at(np.array([0.0, 0.1, 0.15, 0.2, 1.0]))
     assert found.tolist() == [[0, 0], [1, 2], [1, 2], [0, 0], [0, 0]]
@@ -81,7 +82,9 @@ def test_sentences() -> None:
         ({"time": np.array([0.1] * 5 + [np.nan])}, "finite"),
         ({"kinds": ("impact",) * 5 + ("crash",)}, "'crash'"),
         ({"start": np.array([0, 4])}, "mode"),
-        ({"modes": np.full((6, 2), -1)}, "mode"),
+        ({"mode_changes": SparseTable.of(np.full((6, 2), -1))}, "mode"),
+        ({"mode_changes": SparseTable.of(np.full((6, 3), 1))}, "shape"),
+        ({"nonzero_impulses": SparseTable.of(np.full((6, 3), 1e308))}, "impulse of the events"),
         ({"rows": ("floor", "floor")}, "twice"),
         ({"work": np.full(6, 1e308)}, "work of the events, or its sum, is infinite"),
         ({"loss": np.array([0.0] * 5 + [-np.inf])}, "loss of the events"),
@@ -109,7 +112,8 @@ def test_what_holds_at_the_end() -> None:
         ([1, 0], "at the end: floor holds, 1 open"),
         ([0, 0], "at the end: all open"),
     ):
-        found = dataclasses.replace(log, modes=np.array([[1, 1], modes])).to_mapping()
+        changes = changes_of(log.start, np.array([[1, 1], modes]))
+        found = dataclasses.replace(log, mode_changes=changes).to_mapping()
         assert said in event_sentences(found)
     assert found["at_end"] == {"floor": "open", "floor.slip": "open"}
     nothing = dataclasses.replace(make_log(entries=()), start=np.array([1, 2]))

@@ -119,7 +119,7 @@ def test_root_attributes(tmp_path: Path) -> None:
     assert attributes["model_sha256"] == run.model_sha256
     assert attributes["sign_convention"] == SIGN_CONVENTION
     assert attributes["lagcli_version"] == "0.1.0"
-    assert attributes["schema_version"] == "2"
+    assert attributes["schema_version"] == "3"
     for name in ("parameters", "options", "counts", "seconds", "units"):
         assert json.loads(attributes[name]) == getattr(run, name)
     assert json.loads(attributes["initial_correction"])["psi"] == [0.1, 0.16057]
@@ -422,7 +422,7 @@ def _unknown_attribute(root: h5py.File) -> None:
 
 
 FORGED: dict[str, tuple[Any, str]] = {
-    "newer": (_set("schema_version", "99"), "layout has version 99.* supports 2"),
+    "newer": (_set("schema_version", "99"), "layout has version 99.* supports 3"),
     "kind": (_set("kind", "sweep"), "contains a sweep, not a trajectory"),
     "kinds": (_unknown_attribute, "attribute kind is not a text"),
     "model": (_set("model", "T: 0"), "does not have the digest model_sha256"),
