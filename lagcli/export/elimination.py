@@ -1,7 +1,7 @@
 """The unrolled elimination of exported code, with a check of its solution.
 
 Code solves [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] as the engine does: by the operations of an LDLᵀ
-factorization in an order that is determined beforehand. The order suits the states of the model's
+factorization in an order that is determined in advance. The order suits the states of the model's
 own run. At other states, or with other parameters, a pivot may be small, so the code also evaluates
 whether each equation holds to rounding errors, and solves densely, with pivots of the state, where
 one does not.
