@@ -13,8 +13,8 @@ from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerance
 
 JsonSchema = dict[str, Any]
 
-#: A name, or a family of names such as ``x[i = 1..N]``; primes are derivatives.
-_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?(\.\w+)?\s*'*\s*$"
+#: A name, with dots (``crank.x``), or a family such as ``x[i = 1..N]``; primes are derivatives.
+_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?(\.\w+)*\s*'*\s*$"
 
 
 #: A function with its arguments.
