@@ -239,6 +239,26 @@ def load_text(
         return _model(draft, set or {}, set_initial or {}, data or {}, drawn)
 
 
+def expand_text(text: str, path: str = "<text>") -> str:
+    """Return the text of a model file with bodies, joints and forces expanded.
+
+    It loads as a model with the same equations and the same start.
+
+    Raises
+    ------
+    ModelError
+        The file is not a valid model.
+    """
+    from lagcli.model.machines.printing import print_model
+
+    source = Source(text.removeprefix("\ufeff"), path)
+    check_text(source)
+    root, diagnostics = compose(source)
+    draft = Draft(source, root, Diagnostics(diagnostics))
+    _model(draft, {}, {}, {}, True)
+    return print_model(draft.root)
+
+
 def _pickled(model: Model) -> tuple[Any, ...]:
     """Return what determines a model: its text, its tables, and the values that replace others."""
     drawn = not model.view_errors

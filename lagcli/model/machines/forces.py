@@ -63,7 +63,7 @@ def _wrench(force: Joint) -> None:
             if angle is None:
                 return
             c, s = f"cos({angle})", f"sin({angle})"
-            x, y = f"{x}*{c} - {y}*{s}", f"{x}*{s} + {y}*{c}"
+            x, y = f"({x})*{c} - ({y})*{s}", f"({x})*{s} + ({y})*{c}"
         name = f"{key.declared}.place"
         written.add("definitions", name, force.point(0), key.node)
         written.add("Q", name, f"[{x}, {y}]", key.node, force.inlined)

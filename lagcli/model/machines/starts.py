@@ -193,14 +193,21 @@ class Machine:
             given = self._joint_values()
         except ValueError:
             return poses
-        links.sort(key=lambda link: link.joint.kind.name == "rod")
+        depth = {"ground": 0}  # joints between a body and the ground
         while True:
             ready = [x for x in links if (x.names[0] in poses) != (x.names[1] in poses)]
             if not ready:
                 break
-            link = ready[0]
+            link = min(
+                ready,
+                key=lambda x: (
+                    x.joint.kind.name == "rod",
+                    min(depth.get(n, len(links)) for n in x.names),
+                ),
+            )
             forward = link.names[0] in poses
             name = link.names[int(forward)]
+            depth[name] = depth[link.names[1 - int(forward)]] + 1
             try:
                 poses[name] = self._next(link, poses, forward, values, given)
             except ValueError:

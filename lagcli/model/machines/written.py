@@ -88,8 +88,7 @@ class Written:
     def value(self, key: Key, path: str, node: YamlNode) -> tuple[str, list[Scalar]]:
         """Return a value for expressions: a number as a parameter, any expression as it is."""
         if isinstance(node, Scalar) and not is_quantity(node.value) and not node.missing:
-            text = node.value.strip()
-            return (text if text.isidentifier() else f"({text})"), [node]
+            return node.value.strip(), [node]
         return self.parameter(key, path, node), []
 
     def term(self, energy: str, text: str, key: Key) -> None:

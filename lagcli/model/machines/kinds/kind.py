@@ -81,7 +81,10 @@ class Joint:
         return self.written.parameter(self.key, name, node)
 
     def expression(self, name: str, node: YamlNode) -> str:
-        """Return a value that may depend on time and on the motion."""
+        """Return a value that may depend on time and on the motion; the whole side of an equation.
+
+        In a product it needs parentheses.
+        """
         text, inlined = self.written.value(self.key, name, node)
         self.inlined += inlined
         return text
