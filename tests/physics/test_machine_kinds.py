@@ -107,7 +107,7 @@ joints:
         strand = 0.02 * a / 2 / 0.2
         assert x["one.phi''"] == pytest.approx(a, rel=1e-12)
         assert x["two.phi''"] == pytest.approx(sign * a / 2, rel=1e-12)
-        assert x["lambda.b"] == pytest.approx(-sign * strand, rel=1e-12)
+        assert x["lambda.b"] == pytest.approx(-strand, rel=1e-12)  # the strand pulls
         assert np.hypot(x["lambda.P.x"], x["lambda.P.y"]) == pytest.approx(strand, rel=1e-12)
 
 

@@ -332,7 +332,7 @@ class Machine:
         while grown:
             grown = False
             for pair in pairs:
-                if len(held.intersection(pair)) == 1:
+                if held.intersection(pair) and not held.issuperset(pair):
                     held |= set(pair)
                     grown = True
         for body in self.bodies:
@@ -382,7 +382,7 @@ class Machine:
             except ValueError:
                 return
         (one, p), (two, q) = centers
-        radii = [draft.parameters.get(f"{joint.key.name}.radii.{k}") for k in (1, 2)]
+        radii = [draft.parameters.get(f"{joint.key.name}.radii.{k}") for k in ("first", "second")]
         if one != two or joint.key.index or None in radii:
             return
         first, second = (r.value for r in radii if r is not None)

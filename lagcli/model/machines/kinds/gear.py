@@ -17,7 +17,8 @@ def radii_of(joint: Joint) -> tuple[str, str] | None:
         )
     if items is None or len(items) != 2:
         return None
-    first, second = (joint.number(f"radii.{i}", x) for i, x in zip("12", items, strict=True))
+    places = zip(("first", "second"), items, strict=True)
+    first, second = (joint.number(f"radii.{place}", x) for place, x in places)
     return first, second
 
 
