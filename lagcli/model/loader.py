@@ -59,9 +59,7 @@ MODEL = keys.mapping(
             "heading of derivations and pages; by default made from the name", keys.TEXT
         ),
         "description": keys.described("text", keys.TEXT),
-        "dimension": keys.described(
-            "of `bodies`: 2, which is the default", {"enum": [2, "2"]}
-        ),
+        "dimension": keys.described("of `bodies`: 2, which is the default", {"enum": [2, "2"]}),
         "gravity": keys.described(
             "acceleration of the bodies, a vector; none by default", keys.EXPRESSION
         ),

@@ -59,7 +59,9 @@ class Machine:
     def text(self) -> str:
         lines = ["gravity: [0, -9.81]", "bodies:"]
         for body in ("ground", *self.bodies):
-            points = ", ".join(f"{p}: [{x!r}, {y!r}]" for p, (x, y) in self.points.get(body, {}).items())
+            points = ", ".join(
+                f"{p}: [{x!r}, {y!r}]" for p, (x, y) in self.points.get(body, {}).items()
+            )
             own = f"points: {{{points}}}"
             if body in self.bodies:
                 own = "mass: {!r}, inertia: {!r}, ".format(*self.bodies[body]) + own

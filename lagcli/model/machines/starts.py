@@ -100,8 +100,13 @@ class Machine:
         added = self.written.blocks["initial"]
         if added:
             place = next(iter(added.values()))[0]
-            key, node = draft.root.entries.get("initial") or (Derived("initial", place.location, place), place)
-            if isinstance(node, MappingNode) or (isinstance(node, Scalar) and (node is place or node.missing)):
+            key, node = draft.root.entries.get("initial") or (
+                Derived("initial", place.location, place),
+                place,
+            )
+            if isinstance(node, MappingNode) or (
+                isinstance(node, Scalar) and (node is place or node.missing)
+            ):
                 own = node.entries if isinstance(node, MappingNode) else {}
                 entries = {**own, **{n: e for n, e in added.items() if n not in own}}
                 made = MappingNode(node.source, node.start, node.end, entries)
@@ -161,9 +166,7 @@ class Machine:
             key = joint.key
             for indices in self._span(key.index, key.span):
                 sides = []
-                for reference, body in zip(
-                    (joint.first, joint.second), joint.bodies, strict=True
-                ):
+                for reference, body in zip((joint.first, joint.second), joint.bodies, strict=True):
                     name = self._name(reference.base, reference.index[1:-1], indices)
                     local = self._local(reference, body, name)
                     sides.append((name, local))
@@ -319,9 +322,7 @@ class Machine:
 
     # checks
 
-    def _check(
-        self, draft: Draft, poses: Mapping[str, Pose], values: Mapping[str, float]
-    ) -> None:
+    def _check(self, draft: Draft, poses: Mapping[str, Pose], values: Mapping[str, float]) -> None:
         """Report bodies that nothing holds, stops in the wrong order, and wheels that do not meet."""
         held = {"ground"}
         joints = [j for j in self.joints.by_base.values() if j.kind.connects == "bodies"]

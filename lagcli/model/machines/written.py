@@ -114,9 +114,7 @@ class Written:
         ordered = {n: every[n] for n in order if n in every} | every
         return Mapping(root.source, root.start, root.end, ordered)
 
-    def _merged(
-        self, block: str, given: tuple[Scalar, YamlNode] | None
-    ) -> tuple[Scalar, YamlNode]:
+    def _merged(self, block: str, given: tuple[Scalar, YamlNode] | None) -> tuple[Scalar, YamlNode]:
         added = self.blocks[block]
         first = next(iter(added.values()))[0]
         if given is None:
@@ -155,5 +153,3 @@ class Written:
         if not isinstance(node, Scalar) or node.missing:
             return given
         return key, self.derived(f"{text} + ({node.value})", node, [node])
-
-

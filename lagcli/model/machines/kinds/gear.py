@@ -85,5 +85,3 @@ GEAR = Kind(
     "d·(v_B − v_A) = 0 at the pitch point",
     "tooth force along the line of action d, which is the tangent turned by `pressure`",
 )
-
-

@@ -233,5 +233,3 @@ class Kind(NamedTuple):
     def what(self) -> str:
         """The noun in messages."""
         return "joint" if self.connects == "bodies" and self.movable else self.name
-
-
