@@ -118,7 +118,8 @@ def machine(seed: int) -> Machine:
         m.joints[f"J{k}"] = (kind, m.point(parent, at), m.point(body, two), keys)
     if r.random() < 0.5:  # a loop
         one, two = r.sample(["ground", *m.bodies], 2)
-        place = [np.array(m.poses.get(b, (0, 0, 0))[:2]) + [0.05, 0.02] for b in (one, two)]
+        aside = np.array([0.05, 0.02])
+        place = [aside + m.poses.get(b, (0, 0, 0))[:2] for b in (one, two)]
         length = float(np.hypot(*(place[1] - place[0])))
         if length > 0.05:
             ends = (m.point(one, place[0]), m.point(two, place[1]))
@@ -194,7 +195,7 @@ def imbalance(m: Machine, run: Any, sample: int) -> float:
                 force = force + acting * along
         act(two[0], force, r, moment)
         act(one[0], -force, r, -moment)
-    for kind, one, two, keys in m.forces.values():
+    for _, one, two, keys in m.forces.values():
         (p, vp), (r, vr) = at(one), at(two)
         length = float(np.hypot(*(r - p)))
         e = (r - p) / length

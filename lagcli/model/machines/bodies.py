@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from lagcli.model.keys import BODY, keys_of
 from lagcli.model.machines.references import Key, Reference, is_zero, items_of, read_key
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Derived, Mapping, Scalar, YamlNode
 
@@ -46,12 +46,12 @@ class Bodies:
 
     Parameters
     ----------
-    written : Written
+    written : MachineEntries
     free_index : str
         Name of the index of families that name none.
     """
 
-    def __init__(self, written: Written, free_index: str):
+    def __init__(self, written: MachineEntries, free_index: str):
         self.written, self.report = written, written.report
         self.free_index = free_index
         self.by_base: dict[str, list[Body]] = {}

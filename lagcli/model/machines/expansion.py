@@ -9,7 +9,7 @@ from lagcli.model.machines.forces import read_forces
 from lagcli.model.machines.joints import Joints, pinned
 from lagcli.model.machines.references import items_of
 from lagcli.model.machines.starts import Machine
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.names.draft import Draft
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
 
@@ -25,7 +25,7 @@ def expand_machine(draft: Draft) -> Machine:
     Machine
         Its bodies and joints, which place the bodies at the start.
     """
-    written = Written(draft)
+    written = MachineEntries(draft)
     bodies = Bodies(written, _free_index(draft))
     gravity = _gravity(written)
     _dimension(draft)
@@ -89,7 +89,7 @@ def _dimension(draft: Draft) -> None:
     )
 
 
-def _gravity(written: Written) -> tuple[str, str]:
+def _gravity(written: MachineEntries) -> tuple[str, str]:
     node = written.draft.get("gravity")
     if node is None:
         return "0", "0"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from lagcli.model.machines.bodies import Bodies
 from lagcli.model.machines.joints import Joints
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.kind import JointKind, MachineJoint
 from lagcli.model.machines.references import items_of, read_call, read_key, read_reference
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, YamlNode
 
 
-def _spring(force: Joint) -> None:
+def _spring(force: MachineJoint) -> None:
     _length(force)
     q, key, written = f"{force.key.name}.length", force.key, force.written
     stiffness, damping = force.given("stiffness"), force.given("damping")
@@ -26,7 +26,7 @@ def _spring(force: Joint) -> None:
         written.term("D", f"{force.number('damping', damping)}/2*{q}'^2", key)
 
 
-def _actuator(force: Joint) -> None:
+def _actuator(force: MachineJoint) -> None:
     _length(force)
     node = force.required("force", "force=200 N")
     if node is not None:
@@ -35,12 +35,12 @@ def _actuator(force: Joint) -> None:
         force.written.add("Q", name, text, force.key.node, force.inlined)
 
 
-def _length(force: Joint) -> None:
+def _length(force: MachineJoint) -> None:
     name = f"{force.key.declared}.length"
     force.written.add("definitions", name, f"norm({force.distance()})", force.key.node)
 
 
-def _wrench(force: Joint) -> None:
+def _wrench(force: MachineJoint) -> None:
     written, key = force.written, force.key
     given = [k for k in ("force", "moment") if k in force.keys]
     if not given:
@@ -76,7 +76,7 @@ def _wrench(force: Joint) -> None:
             written.add("Q", name, text, key.node, force.inlined)
 
 
-def _frame(force: Joint, node: YamlNode) -> str | None:
+def _frame(force: MachineJoint, node: YamlNode) -> str | None:
     """Return the angle of the body in whose frame a force is given."""
     own = force.first.name
     if getattr(node, "value", "").strip() != own:
@@ -93,7 +93,7 @@ def _frame(force: Joint, node: YamlNode) -> str | None:
 FORCES = {
     kind.name: kind
     for kind in (
-        Kind(
+        JointKind(
             "spring",
             "bodies",
             _spring,
@@ -103,7 +103,7 @@ FORCES = {
             "V = ½ stiffness (|P_B − P_A| − length)²",
             "",
         ),
-        Kind(
+        JointKind(
             "actuator",
             "bodies",
             _actuator,
@@ -113,7 +113,7 @@ FORCES = {
             "",
             "",
         ),
-        Kind(
+        JointKind(
             "wrench",
             "body",
             _wrench,
@@ -127,7 +127,7 @@ FORCES = {
 }
 
 
-def read_forces(written: Written, bodies: Bodies, joints: Joints, node: Mapping) -> None:
+def read_forces(written: MachineEntries, bodies: Bodies, joints: Joints, node: Mapping) -> None:
     """Read the entries of `forces`, and write what they add to V, D and Q."""
     report = written.report
     for name, key_node, value in node:
@@ -179,6 +179,6 @@ def read_forces(written: Written, bodies: Bodies, joints: Joints, node: Mapping)
             continue
         found = [bodies.find(r, what) for r in references]
         if None not in found:
-            force = Joint(key, kind, call.keys, written, references[0], references[-1])
+            force = MachineJoint(key, kind, call.keys, written, references[0], references[-1])
             force.bodies = tuple(b for b in found if b is not None)
             kind.write(force)

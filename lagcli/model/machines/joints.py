@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lagcli.model.machines.bodies import GROUND, Bodies
-from lagcli.model.machines.kinds.kind import Joint, Kind
-from lagcli.model.machines.kinds.registry import KINDS, OF_COORDINATE, SPATIAL
-from lagcli.model.machines.references import Call, Key, read_call, read_key, read_reference
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.kind import JointKind, MachineJoint
+from lagcli.model.machines.references import JointCall, Key, read_call, read_key, read_reference
+from lagcli.model.machines.registry import KINDS, OF_COORDINATE, SPATIAL
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
 
@@ -20,22 +20,22 @@ class Joints:
 
     Parameters
     ----------
-    written : Written
+    written : MachineEntries
     bodies : Bodies
     fixed : collection of str
         Coordinates of joints with a fixed initial value: ``O.angle``. They become coordinates of
         the model, unless they are the angle of a body on a fixed pin.
     """
 
-    def __init__(self, written: Written, bodies: Bodies, fixed: Iterable[str]):
+    def __init__(self, written: MachineEntries, bodies: Bodies, fixed: Iterable[str]):
         self.written, self.bodies, self.report = written, bodies, written.report
         self.fixed = set(fixed)
-        self.by_base: dict[str, Joint] = {}
-        self.driven: dict[str, Joint] = {}
+        self.by_base: dict[str, MachineJoint] = {}
+        self.driven: dict[str, MachineJoint] = {}
 
     def read(self, node: Mapping) -> None:
         """Read the entries of `joints`, and write their rows."""
-        calls: list[tuple[Key, Call]] = []
+        calls: list[tuple[Key, JointCall]] = []
         for name, key_node, value in node:
             key = read_key(key_node, self.bodies.free_index)
             if key is None or key.base in _NOT_JOINTS:
@@ -67,7 +67,7 @@ class Joints:
                 joint.kind.write(joint)
                 self._acting(joint)
 
-    def _call(self, key: Key, value: YamlNode) -> Call | None:
+    def _call(self, key: Key, value: YamlNode) -> JointCall | None:
         call = read_call(value, {**KINDS, **dict.fromkeys(SPATIAL)})
         what = f"the joint `{key.node.value}`"
         kinds = ", ".join(f"`{k}`" for k in KINDS)
@@ -119,7 +119,7 @@ class Joints:
                 return None
         return call
 
-    def _joint(self, key: Key, call: Call, kind: Kind) -> Joint | None:
+    def _joint(self, key: Key, call: JointCall, kind: JointKind) -> MachineJoint | None:
         references = [read_reference(node) for node in call.arguments]
         what = f"the joint `{key.node.value}`"
         for reference, node in zip(references, call.arguments, strict=True):
@@ -133,7 +133,7 @@ class Joints:
         known = [r for r in references if r is not None]
         if len(known) < len(references):
             return None
-        joint = Joint(key, kind, call.keys, self.written, known[0], known[-1])
+        joint = MachineJoint(key, kind, call.keys, self.written, known[0], known[-1])
         if kind.connects == "bodies":
             found = [self.bodies.find(r, what) for r in known]
             if None in found:
@@ -155,7 +155,7 @@ class Joints:
             return joint if self._drives(joint) else None
         return joint
 
-    def _moved(self, reference: object, what: str) -> Joint | None:
+    def _moved(self, reference: object, what: str) -> MachineJoint | None:
         """Return the joint whose coordinate a coupling moves; report others."""
         base, node = reference.base, reference.node  # type: ignore[attr-defined]
         joint = self.by_base.get(base)
@@ -178,7 +178,7 @@ class Joints:
             return None
         return joint
 
-    def _drives(self, joint: Joint) -> bool:
+    def _drives(self, joint: MachineJoint) -> bool:
         """Return whether a drive moves a joint that nothing else drives; report others."""
         (driven,) = joint.joints
         name = joint.first.name
@@ -206,7 +206,7 @@ class Joints:
                 return False
         return True
 
-    def _acting(self, joint: Joint) -> None:
+    def _acting(self, joint: MachineJoint) -> None:
         """Write what acts on the coordinate of a joint: springs, dampers, torques, stops."""
         written, key, q = self.written, joint.key, joint.q
         used = [k for k in OF_COORDINATE if k in joint.keys and k not in joint.kind.keys]
@@ -261,7 +261,7 @@ class Joints:
                 joint.row(end, f"{q} {sign} {values[end]}", **impact)
         self._explicit(joint)
 
-    def _explicit(self, joint: Joint) -> None:
+    def _explicit(self, joint: MachineJoint) -> None:
         """Make a coordinate of the model of a joint's, where the start prescribes its value."""
         key = joint.key
         names = {f"{key.base}.{joint.quantity}", f"{key.base}[].{joint.quantity}"}
@@ -275,7 +275,7 @@ class Joints:
         joint.row("q", f"{node.value} = {joint.q}")
 
 
-def pinned(joint: Joint) -> str | None:
+def pinned(joint: MachineJoint) -> str | None:
     """Return the coordinate of a body that the angle of a pin on the ground is; else None."""
     if joint.kind.name == "revolute" and joint.bodies[0].fixed and joint.quantity:
         return f"{joint.second.name}.phi"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from lagcli.model.expression.units import WITH_UNIT
@@ -18,7 +19,8 @@ _KEYWORD = re.compile(rf"\s*({_NAME})\s*=(?!=)\s*")
 _KEY = re.compile(rf"\s*({_NAME})\s*(?:\[\s*(?:({_NAME})\s*=)?([^\]]*)\])?\s*")
 
 
-class Reference(NamedTuple):
+@dataclass(frozen=True)
+class Reference:
     """A body or a joint, and a point of a body: ``link[i-1].b``.
 
     Parameters
@@ -41,7 +43,8 @@ class Reference(NamedTuple):
         return self.base + self.index
 
 
-class Key(NamedTuple):
+@dataclass(frozen=True)
+class Key:
     """The name that an entry declares: ``crank``, ``link[1..N]``, ``J[i = 2..N]``.
 
     Parameters
@@ -73,7 +76,7 @@ class Key(NamedTuple):
         return f"{self.base}[{self.index} = {self.span}]"
 
 
-class Call(NamedTuple):
+class JointCall(NamedTuple):
     """A joint or force as it is written: its kind, what it connects, and its keys."""
 
     kind: str
@@ -134,7 +137,7 @@ def items_of(node: YamlNode) -> list[YamlNode] | None:
     return None
 
 
-def read_call(node: YamlNode, kinds: Mapping[str, object]) -> Call | str:
+def read_call(node: YamlNode, kinds: Mapping[str, object]) -> JointCall | str:
     """Return a call, from the text ``kind(A, B, key=value)`` or ``{kind: [A, B], key: value}``.
 
     A message says what is wrong with any other node.
@@ -151,7 +154,7 @@ def read_call(node: YamlNode, kinds: Mapping[str, object]) -> Call | str:
         if len(arguments) != len(given or [""]):
             return "needs a list of names"
         keys = {name: (key, x) for name, key, x in node if name != named[0]}
-        return Call(named[0], kind_node, arguments, keys)
+        return JointCall(named[0], kind_node, arguments, keys)
     if not isinstance(node, Scalar):
         return f"is {node.what}"
     match = _CALL.fullmatch(node.value)
@@ -168,7 +171,7 @@ def read_call(node: YamlNode, kinds: Mapping[str, object]) -> Call | str:
         else:
             name = excerpt(part, *keyword.span(1))
             keywords[keyword[1]] = (name, excerpt(part, keyword.end(), len(part.value)))
-    return Call(match[1], excerpt(node, *match.span(1)), tuple(positional), keywords)
+    return JointCall(match[1], excerpt(node, *match.span(1)), tuple(positional), keywords)
 
 
 def is_quantity(text: str) -> bool:

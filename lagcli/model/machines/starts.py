@@ -14,9 +14,9 @@ from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.machines.bodies import Bodies, Body
 from lagcli.model.machines.joints import Joints
-from lagcli.model.machines.kinds.kind import Joint
+from lagcli.model.machines.kind import MachineJoint
 from lagcli.model.machines.references import Reference, read_key
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.model import TIME
 from lagcli.model.names.draft import Draft, Formula, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
@@ -46,7 +46,7 @@ class Pose(NamedTuple):
 class _Link(NamedTuple):
     """A joint between two single bodies."""
 
-    joint: Joint
+    joint: MachineJoint
     names: tuple[str, str]
     points: tuple[Point, Point]
     indices: Mapping[str, int]
@@ -58,12 +58,12 @@ class Machine:
 
     Parameters
     ----------
-    written : Written
+    written : MachineEntries
     bodies : Bodies
     joints : Joints
     """
 
-    def __init__(self, written: Written, bodies: Bodies, joints: Joints):
+    def __init__(self, written: MachineEntries, bodies: Bodies, joints: Joints):
         self.written, self.bodies, self.joints = written, bodies, joints
         self.draft: Draft = written.draft
         node = self.draft.get("initial")
@@ -250,8 +250,8 @@ class Machine:
         for name, key, node in self.given:
             stem, _, part = name.strip().rpartition(".")
             read = read_key(Derived(stem, key.location, key), "i_") if part else None
-            joint = self.joints.by_base.get(read.base) if read else None
-            if read is None or joint is None or part != joint.quantity:
+            named = self.joints.by_base.get(read.base) if read else None
+            if read is None or named is None or part != named.quantity:
                 continue
             value_node: YamlNode = node
             if isinstance(node, MappingNode) and "guess" in node.entries:
@@ -352,7 +352,7 @@ class Machine:
             if joint.kind.name == "gear":
                 self._check_centers(draft, joint)
 
-    def _check_stops(self, draft: Draft, joint: Joint) -> None:
+    def _check_stops(self, draft: Draft, joint: MachineJoint) -> None:
         if not {"min", "max"} <= joint.keys.keys() or joint.key.index:
             return
         ends = [draft.parameters.get(f"{joint.key.name}.{end}") for end in ("min", "max")]
@@ -365,7 +365,7 @@ class Machine:
                 "exchange the two",
             )
 
-    def _check_centers(self, draft: Draft, joint: Joint) -> None:
+    def _check_centers(self, draft: Draft, joint: MachineJoint) -> None:
         """Report wheels with fixed centers whose distance is not that of the radii."""
         centers = []
         for reference in (joint.first, joint.second):
@@ -401,5 +401,5 @@ class Machine:
                 + ("" if inner else "; a wheel inside a ring has `inner=true`"),
             )
 
-    def _pins(self) -> list[Joint]:
+    def _pins(self) -> list[MachineJoint]:
         return [j for j in self.joints.by_base.values() if j.kind.name == "revolute"]

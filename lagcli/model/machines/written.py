@@ -16,7 +16,7 @@ BLOCKS = ("coordinates", "parameters", "definitions", "Q", "constraints", "initi
 ENERGIES = ("T", "V", "D")
 
 
-class Written:
+class MachineEntries:
     """What the bodies, joints and forces of a file add to it.
 
     Parameters

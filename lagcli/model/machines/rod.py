@@ -1,15 +1,15 @@
 """Rod without mass between two points."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     node = joint.required("length", "length=0.3 m")
     if node is not None:
         joint.row("", f"norm({joint.distance()}) = {joint.expression('length', node)}")
 
 
-ROD = Kind(
+ROD = JointKind(
     "rod",
     "bodies",
     _write,

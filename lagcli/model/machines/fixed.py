@@ -1,10 +1,10 @@
 """Fixed joint in a plane: a weld."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
-from lagcli.model.machines.kinds.revolute import relative_angle
+from lagcli.model.machines.kind import JointKind, MachineJoint
+from lagcli.model.machines.revolute import relative_angle
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     joint.row("", f"{joint.point(1)} = {joint.point(0)}")
     if joint.bodies[1].turns and joint.bodies[0].turns:
         node = joint.given("angle")
@@ -12,7 +12,7 @@ def _write(joint: Joint) -> None:
         joint.row("M", f"{relative_angle(joint)} = {angle}")
 
 
-FIXED = Kind(
+FIXED = JointKind(
     "fixed",
     "bodies",
     _write,

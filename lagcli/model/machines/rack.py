@@ -1,10 +1,10 @@
 """Gear wheel on a rack."""
 
-from lagcli.model.machines.kinds.gear import pressure_of, rotated, spin
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.gear import pressure_of, rotated, spin
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     node = joint.required("radius", "radius=30 mm")
     axes = joint.along(side=1)
     if node is None or axes is None:
@@ -27,7 +27,7 @@ def _write(joint: Joint) -> None:
     joint.row("", f"dot({action}, {velocity}) = 0")
 
 
-RACK = Kind(
+RACK = JointKind(
     "rack",
     "bodies",
     _write,

@@ -1,10 +1,10 @@
 """Belt or chain on two wheels."""
 
-from lagcli.model.machines.kinds.gear import flag, radii_of, spin
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.gear import flag, radii_of, spin
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     radii = radii_of(joint)
     if radii is None:
         return
@@ -28,7 +28,7 @@ def _write(joint: Joint) -> None:
     joint.row("", " + ".join(terms).replace("+ -", "- ") + " = 0")
 
 
-BELT = Kind(
+BELT = JointKind(
     "belt",
     "bodies",
     _write,

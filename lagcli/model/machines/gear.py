@@ -1,10 +1,10 @@
 """Pair of gear wheels: equal velocities at the pitch point, along the line of action."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.kind import JointKind, MachineJoint
 from lagcli.model.machines.references import items_of
 
 
-def radii_of(joint: Joint) -> tuple[str, str] | None:
+def radii_of(joint: MachineJoint) -> tuple[str, str] | None:
     """Return the two radii of wheels; report others."""
     node = joint.required("radii", "radii=[40 mm, 20 mm]")
     items = None if node is None else items_of(node)
@@ -22,7 +22,7 @@ def radii_of(joint: Joint) -> tuple[str, str] | None:
     return first, second
 
 
-def flag(joint: Joint, name: str) -> bool:
+def flag(joint: MachineJoint, name: str) -> bool:
     """Return a key that is true or false; false by default."""
     node = joint.given(name)
     if node is None:
@@ -38,19 +38,19 @@ def rotated(along: str, across: str, pressure: str) -> str:
     return f"cos({pressure})*{along} + sin({pressure})*{across}"
 
 
-def pressure_of(joint: Joint) -> str:
+def pressure_of(joint: MachineJoint) -> str:
     """Return the pressure angle; 0 by default."""
     node = joint.given("pressure")
     return "0" if node is None else joint.number("pressure", node)
 
 
-def spin(joint: Joint, side: int) -> str:
+def spin(joint: MachineJoint, side: int) -> str:
     """Return the angular velocity of a wheel; empty for the ground."""
     angle = joint.angle(side)
     return "" if angle == "0" else f"{angle}'"
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     radii = radii_of(joint)
     if radii is None:
         return
@@ -75,7 +75,7 @@ def _write(joint: Joint) -> None:
     joint.row("", f"dot({action}, {velocity}) = 0")
 
 
-GEAR = Kind(
+GEAR = JointKind(
     "gear",
     "bodies",
     _write,

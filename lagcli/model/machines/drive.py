@@ -1,9 +1,9 @@
 """Drive: a motor that moves the coordinate of a joint as given."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     (driven,) = joint.joints
     given = [k for k in ("angle", "position", "speed") if k in joint.keys]
     wanted = driven.quantity
@@ -20,7 +20,7 @@ def _write(joint: Joint) -> None:
     joint.row("", f"{moved} = {joint.expression(given[0], node)}")
 
 
-DRIVE = Kind(
+DRIVE = JointKind(
     "drive",
     "joint",
     _write,

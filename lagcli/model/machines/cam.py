@@ -1,10 +1,10 @@
 """Cam: the coordinate of a follower's joint is a function of the cam's."""
 
-from lagcli.model.machines.kinds.gear import flag
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.gear import flag
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     node = joint.required("lift", "lift: 10 mm*(1 - cos(C.angle))")
     if node is None:
         return
@@ -13,7 +13,7 @@ def _write(joint: Joint) -> None:
     joint.row("", f"{follower} {relation} {joint.expression('lift', node)}")
 
 
-CAM = Kind(
+CAM = JointKind(
     "cam",
     "joints",
     _write,

@@ -1,10 +1,10 @@
 """Prismatic joint and slot in a plane: a guide along a line of the first body."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
-from lagcli.model.machines.kinds.revolute import relative_angle
+from lagcli.model.machines.kind import JointKind, MachineJoint
+from lagcli.model.machines.revolute import relative_angle
 
 
-def _guide(joint: Joint) -> None:
+def _guide(joint: MachineJoint) -> None:
     axes = joint.along()
     if axes is None:
         return
@@ -13,7 +13,7 @@ def _guide(joint: Joint) -> None:
     joint.coordinate("position", f"dot({along}, {joint.distance()})")
 
 
-def _prismatic(joint: Joint) -> None:
+def _prismatic(joint: MachineJoint) -> None:
     _guide(joint)
     if joint.bodies[1].turns and joint.bodies[0].turns:
         node = joint.given("angle")
@@ -21,7 +21,7 @@ def _prismatic(joint: Joint) -> None:
         joint.row("M", f"{relative_angle(joint)} = {angle}")
 
 
-PRISMATIC = Kind(
+PRISMATIC = JointKind(
     "prismatic",
     "bodies",
     _prismatic,
@@ -31,7 +31,7 @@ PRISMATIC = Kind(
     "n_A·(P_B − P_A) = 0, φ_B − φ_A = angle",
     "`.n`: force along n_A, which is `along` turned by 90°; `.M`: moment",
 )
-SLOT = Kind(
+SLOT = JointKind(
     "slot",
     "bodies",
     _guide,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.model.machines.references import Key, Reference, items_of
-from lagcli.model.machines.written import Written
+from lagcli.model.machines.written import MachineEntries
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 if TYPE_CHECKING:
@@ -17,20 +17,20 @@ Nodes = Mapping[str, tuple[Scalar, YamlNode]]
 
 
 @dataclass(eq=False)
-class Joint:
+class MachineJoint:
     """A joint of two bodies, or a coupling of joints, while it is written.
 
     Parameters
     ----------
     key : Key
-    kind : Kind
+    kind : JointKind
     keys : mapping of str to (Scalar, YamlNode)
         Its keys, with their values.
-    written : Written
+    written : MachineEntries
     first, second : Reference
         The bodies; of a coupling the joints.
     bodies : tuple of Body
-    joints : tuple of Joint
+    joints : tuple of MachineJoint
     quantity : str
         ``angle`` or ``position``: its coordinate q is `NAME.angle`.
     rows : list of str
@@ -38,13 +38,13 @@ class Joint:
     """
 
     key: Key
-    kind: Kind
+    kind: JointKind
     keys: Nodes
-    written: Written
+    written: MachineEntries
     first: Reference
     second: Reference
     bodies: tuple[Body, ...] = ()
-    joints: tuple[Joint, ...] = ()
+    joints: tuple[MachineJoint, ...] = ()
     quantity: str = ""
     rows: list[str] = field(default_factory=list)
     inlined: list[Scalar] = field(default_factory=list)
@@ -202,7 +202,7 @@ def _negative(text: str) -> str:
     return "0" if text == "0" else f"-{text}"
 
 
-class Kind(NamedTuple):
+class JointKind(NamedTuple):
     """A kind of joint or coupling.
 
     Parameters
@@ -211,7 +211,7 @@ class Kind(NamedTuple):
     connects : str
         ``bodies``, ``joints``, or ``joint`` for one joint.
     write : callable
-        Writes the rows of a Joint.
+        Writes the rows of a MachineJoint.
     keys : tuple of str
         Keys of this kind alone.
     movable : bool
@@ -222,7 +222,7 @@ class Kind(NamedTuple):
 
     name: str
     connects: str
-    write: Callable[[Joint], None]
+    write: Callable[[MachineJoint], None]
     keys: tuple[str, ...]
     movable: bool
     example: str

@@ -1,9 +1,9 @@
 """Gearbox: a fixed ratio of the coordinates of two joints on one housing."""
 
-from lagcli.model.machines.kinds.kind import Joint, Kind
+from lagcli.model.machines.kind import JointKind, MachineJoint
 
 
-def _write(joint: Joint) -> None:
+def _write(joint: MachineJoint) -> None:
     one, two = joint.joints
     housings = [{j.first.name, j.second.name} for j in joint.joints]
     if not housings[0] & housings[1]:
@@ -24,7 +24,7 @@ def _write(joint: Joint) -> None:
         joint.row("", f"{q1} - {ratio}*{q2} = 0")
 
 
-GEARBOX = Kind(
+GEARBOX = JointKind(
     "gearbox",
     "joints",
     _write,
