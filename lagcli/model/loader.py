@@ -69,8 +69,8 @@ MODEL = keys.mapping(
             keys.one_of(keys.named(keys.one_of(keys.BODY, keys.EMPTY)), keys.EMPTY),
         ),
         "joints": keys.described(
-            "name → joint of two bodies, `revolute(ground.O, crank.a)`, or {`revolute`: [`ground.O`,"
-            " `crank.a`]}, with keys such as `damping`; drives and gears",
+            "name → joint of two bodies, `revolute(ground.O, crank.a)`, or {`revolute`:"
+            " [`ground.O`, `crank.a`]}, with keys such as `damping`; drives and gears",
             keys.one_of(keys.named(keys.one_of(keys.TEXT, keys.CALL)), keys.EMPTY),
         ),
         "forces": keys.described(

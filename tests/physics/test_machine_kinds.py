@@ -65,7 +65,7 @@ joints:
 
 @pytest.mark.parametrize("torque", [1.0, 2.5])
 def test_planetary_gear(torque: float) -> None:
-    # radii 40, 20, 80 mm, ring fixed: Willis' equation gives sun : carrier = 3, planet : carrier = -3
+    # ring fixed: Willis' equation gives sun : carrier = 3, planet : carrier = -3
     x = start(f"""
 bodies:
   ground: {{}}

@@ -43,7 +43,7 @@ class Pose(NamedTuple):
         return self.x + c * local[0] - s * local[1], self.y + s * local[0] + c * local[1]
 
 
-class _Link(NamedTuple):
+class _SingleJoint(NamedTuple):
     """A joint between two single bodies."""
 
     joint: MachineJoint
@@ -159,7 +159,7 @@ class Machine:
     def _name(self, base: str, index: str, indices: Mapping[str, int]) -> str:
         return f"{base}[{round(self.number(index, indices))}]" if index else base
 
-    def _links(self) -> Iterator[_Link]:
+    def _links(self) -> Iterator[_SingleJoint]:
         for joint in self.joints.by_base.values():
             if joint.kind.name not in _PLACING:
                 continue
@@ -174,7 +174,7 @@ class Machine:
                 if key.index or key.span:
                     own = self._name(key.base, key.index or key.span, indices)
                 (one, p), (two, q) = sides
-                yield _Link(joint, (one, two), (p, q), indices, own)
+                yield _SingleJoint(joint, (one, two), (p, q), indices, own)
 
     def _local(self, reference: Reference, body: Body, name: str) -> Point:
         if not reference.point:
@@ -278,7 +278,7 @@ class Machine:
 
     def _next(
         self,
-        link: _Link,
+        link: _SingleJoint,
         poses: Mapping[str, Pose],
         forward: bool,
         values: Mapping[str, float],
@@ -323,7 +323,7 @@ class Machine:
     # checks
 
     def _check(self, draft: Draft, poses: Mapping[str, Pose], values: Mapping[str, float]) -> None:
-        """Report bodies that nothing holds, stops in the wrong order, and wheels that do not meet."""
+        """Report bodies that nothing holds, stops in wrong order, and wheels that do not meet."""
         held = {"ground"}
         joints = [j for j in self.joints.by_base.values() if j.kind.connects == "bodies"]
         pairs = [(j.first.base, j.second.base) for j in joints]

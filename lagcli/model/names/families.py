@@ -17,7 +17,7 @@ from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Scalar, YamlNode
 
-#: Dotted names after the index of a member, and its derivative: ``r[1].x'``, ``link[1].points.a.x``.
+#: Dotted names after the index of a member, and its derivative: ``r[1].x'``, ``link[1].com.x``.
 _AFTER = r"((?:\.\w+?)*)('|_dot)?"
 #: Dotted names after the index of a declared member: ``link[1..N].mass``.
 _DOTTED = r"((?:\.[^\W\d]\w*)*)()"

@@ -125,8 +125,8 @@ class Derived(Scalar):
     made_from : YamlNode
         Node of the file.
     parts : tuple of (start, Scalar, offset)
-        Which of its characters are in the file: ``value[start:]`` begins as ``scalar.value[offset:]``
-        does, up to the end of the scalar.
+        Which of its characters are in the file: ``value[start:]`` begins as
+        ``scalar.value[offset:]`` does, up to the end of the scalar.
     """
 
     __slots__ = ("parts", "place")
