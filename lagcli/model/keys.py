@@ -13,8 +13,8 @@ from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerance
 
 JsonSchema = dict[str, Any]
 
-#: A name, or a family of names such as ``x[i = 1..N]``; primes are derivatives.
-_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?(\.\w+)?\s*'*\s*$"
+#: A name, with dots (``crank.x``), or a family such as ``x[i = 1..N]``; primes are derivatives.
+_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?(\.\w+)*\s*'*\s*$"
 
 
 #: A function with its arguments.
@@ -74,6 +74,22 @@ COORDINATE = mapping(
         "latex": described("symbol in LaTeX", TEXT),
     }
 )
+_NUMBER = {"type": ["string", "number", "object"]}
+BODY = mapping(
+    {
+        "mass": described("mass", _NUMBER),
+        "length": described("of a rod along its x axis, with the points `a` and `b`", _NUMBER),
+        "inertia": described(
+            "moment of inertia about the center of mass; by default that of a rod with `length`,"
+            " else none: a point mass without an angle",
+            _NUMBER,
+        ),
+        "com": described("center of mass in the frame of the points; 0", EXPRESSION),
+        "points": described("name → vector in the frame of the body", named(EXPRESSION)),
+    }
+)
+#: A joint or force as a mapping: {kind: [A, B], key: value}.
+CALL: JsonSchema = {"type": "object", "minProperties": 1}
 PARAMETER = mapping(
     {
         "value": described(

@@ -59,6 +59,24 @@ MODEL = keys.mapping(
             "heading of derivations and pages; by default made from the name", keys.TEXT
         ),
         "description": keys.described("text", keys.TEXT),
+        "dimension": keys.described("of `bodies`: 2, which is the default", {"enum": [2, "2"]}),
+        "gravity": keys.described(
+            "acceleration of the bodies, a vector; none by default", keys.EXPRESSION
+        ),
+        "bodies": keys.described(
+            "name → {`mass`, `length`, `inertia`, `com`, `points`}; `ground` has `points` only; see"
+            " [machines.md](machines.md)",
+            keys.one_of(keys.named(keys.one_of(keys.BODY, keys.EMPTY)), keys.EMPTY),
+        ),
+        "joints": keys.described(
+            "name → joint of two bodies, `revolute(ground.O, crank.a)`, or {`revolute`:"
+            " [`ground.O`, `crank.a`]}, with keys such as `damping`; drives and gears",
+            keys.one_of(keys.named(keys.one_of(keys.TEXT, keys.CALL)), keys.EMPTY),
+        ),
+        "forces": keys.described(
+            "name → `spring(…)`, `actuator(…)` or `wrench(…)` between points of bodies",
+            keys.one_of(keys.named(keys.one_of(keys.TEXT, keys.CALL)), keys.EMPTY),
+        ),
         "coordinates": keys.described(
             "a list of names or families `x[1..N]`, or a mapping name → unit, kind (`point`,"
             " `quaternion`), or {`unit`, `kind`, `description`, `latex`}",
@@ -145,6 +163,8 @@ MODEL = keys.mapping(
     },
     "coordinates",
 )
+#: The keys that a machine is expanded from.
+MACHINE = frozenset({"dimension", "gravity", "bodies", "joints", "forces"})
 
 
 def load(
@@ -217,6 +237,26 @@ def load_text(
         return _model(draft, set or {}, set_initial or {}, data or {}, drawn)
 
 
+def expand_text(text: str, path: str = "<text>") -> str:
+    """Return the text of a model file with bodies, joints and forces expanded.
+
+    It loads as a model with the same equations and the same start.
+
+    Raises
+    ------
+    ModelError
+        The file is not a valid model.
+    """
+    from lagcli.model.machines.printing import print_model
+
+    source = Source(text.removeprefix("\ufeff"), path)
+    check_text(source)
+    root, diagnostics = compose(source)
+    draft = Draft(source, root, Diagnostics(diagnostics))
+    _model(draft, {}, {}, {}, True)
+    return print_model(draft.root)
+
+
 def _pickled(model: Model) -> tuple[Any, ...]:
     """Return what determines a model: its text, its tables, and the values that replace others."""
     drawn = not model.view_errors
@@ -260,6 +300,11 @@ def _model(
     drawn: bool,
 ) -> Model:
     check_keys(draft, keys.keys_of(MODEL))
+    machine = None
+    if not MACHINE.isdisjoint(draft.root.entries):
+        from lagcli.model.machines.expansion import expand_machine
+
+        machine = expand_machine(draft)
     functions = read_functions(draft)
     coordinate_entries = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters", "parameter")
@@ -308,6 +353,8 @@ def _model(
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
+    if machine is not None:
+        machine.place(draft)
     positions, velocities, spins, given = read_initial(draft, initial_overrides)
     outputs, output_units = read_outputs(draft)
     draft.outputs = smooth.of_forces(outputs)

@@ -17,8 +17,10 @@ from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Scalar, YamlNode
 
-#: Component and derivative of a member: ``r[1].x'``.
-_AFTER = r"(\.\w+?)?('|_dot)?"
+#: Dotted names after the index of a member, and its derivative: ``r[1].x'``, ``link[1].com.x``.
+_AFTER = r"((?:\.\w+?)*)('|_dot)?"
+#: Dotted names after the index of a declared member: ``link[1..N].mass``.
+_DOTTED = r"((?:\.[^\W\d]\w*)*)()"
 MAX_ALL = 100_000  # members of all families of a model
 
 
@@ -111,7 +113,7 @@ def read_key(
         return None
     closing = text.rfind("]")
     ending = text[closing + 1 :] if closing > 0 else ""
-    after = re.fullmatch(_AFTER, ending) if primed or not ending else None
+    after = re.fullmatch(_AFTER if primed else _DOTTED, ending)
     if closing < 0 or after is None:
         draft.report.add(
             "bad-name",
@@ -131,7 +133,7 @@ def read_key(
 def valid_name(draft: Draft, name: str, key: YamlNode, what: str) -> bool:
     """Whether a name is valid; report an invalid name."""
     report = draft.report
-    if not is_name(name):
+    if not all(map(is_name, name.split("."))):
         help_ = "a name is a letter followed by letters, digits and _"
         if "," in name or " " in name.strip():
             help_ += ";\nnames in a list are separated by commas: `[x, y]`"

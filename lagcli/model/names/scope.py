@@ -117,10 +117,10 @@ class Scope:
             if self.allowed < Allowed.MOTION:
                 help_ = f"{_OF_PARAMETERS}, which may be expressions of other parameters"
                 raise self._not_here(name, "definitions", help_)
-        elif "." in text:
-            self._dotted(name, text)
         elif text in names.parameters or "parameter" in kinds:
             _check_derivative(names.inputs, name, text, primes)
+        elif "." in text:
+            self._dotted(name, text)
         elif text in ("t", "pi") or text in names.inputs:
             if text != "pi" and self.allowed < Allowed.MOTION:
                 raise self._not_here(name, "time", _OF_PARAMETERS)
@@ -260,7 +260,7 @@ class Scope:
             return [motion(text, n) for n in range(order + 1)]
         if text in names.definitions or primes:
             return None
-        if "." in text:
+        if "." in text and text not in self.parameters:
             return [self._dotted(name, text)]
         value = self.parameters[text]() if text in self.parameters else None
         return [value] if isinstance(value, se.Symbol) else None
@@ -294,11 +294,11 @@ class Scope:
             return Sized(motion(text, primes), order=primes)
         if text in self.names.definitions:
             return self._definition(name, text, primes)
-        if "." in text:
-            return Sized(self._dotted(name, text))
         if text in self.parameters:
             value = self.parameters[text]()
             return Sized(value, constant=not value.free_symbols)
+        if "." in text:
+            return Sized(self._dotted(name, text))
         if text in self.names.inputs:
             return Sized(input_function(text, primes))
         return Sized(symbols.TIME) if text == "t" else Sized(se.pi, constant=True)

@@ -385,6 +385,11 @@ def read_initial(
     return positions, velocities, _spins(jobs), overrides
 
 
+def given_values(draft: Draft) -> Values:
+    """Return the values that `initial` gives, by coordinate and velocity."""
+    return _read(dict(_entered(draft, draft.entries("initial") or [])))
+
+
 def _check_unit(
     draft: Draft,
     name: str,

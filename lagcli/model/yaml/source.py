@@ -115,6 +115,46 @@ class Scalar(YamlNode):
         return _location_of(self.source, self._positions[start], (last_line, last_column + 1))
 
 
+class Derived(Scalar):
+    """A scalar that is not in the file: it is located where what it was made from is.
+
+    Parameters
+    ----------
+    value : str
+    place : SourceLocation
+    made_from : YamlNode
+        Node of the file.
+    parts : tuple of (start, Scalar, offset)
+        Which of its characters are in the file: ``value[start:]`` begins as
+        ``scalar.value[offset:]`` does, up to the end of the scalar.
+    """
+
+    __slots__ = ("parts", "place")
+
+    def __init__(
+        self,
+        value: str,
+        place: SourceLocation,
+        made_from: YamlNode,
+        parts: tuple[tuple[int, Scalar, int], ...] = (),
+    ):
+        super().__init__(made_from.source, made_from.start, made_from.end, value)
+        self.place, self.parts = place, parts
+
+    @property
+    def location(self) -> SourceLocation:
+        """The location of what it was made from."""
+        return self.place
+
+    def span(self, start: int, end: int) -> SourceLocation:
+        """Return the location of ``value[start:end]`` in the file, if it is there."""
+        for first, scalar, offset in self.parts:
+            length = len(scalar.value) - offset
+            if first <= start and end <= first + length:
+                return scalar.span(start - first + offset, end - first + offset)
+        return self.place
+
+
 class Sequence(YamlNode):
     """A YAML sequence."""
 

@@ -1,0 +1,1 @@
+"""Machines: bodies, joints and forces, expanded to coordinates, T, V and constraints."""

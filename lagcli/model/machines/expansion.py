@@ -1,0 +1,185 @@
+"""Expansion of bodies, joints and forces to the other keys of a model file."""
+
+from __future__ import annotations
+
+import re
+
+from lagcli.model.machines.bodies import Bodies
+from lagcli.model.machines.forces import read_forces
+from lagcli.model.machines.joints import Joints, pinned
+from lagcli.model.machines.references import items_of
+from lagcli.model.machines.starts import Machine
+from lagcli.model.machines.written import MachineEntries
+from lagcli.model.names.draft import Draft
+from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
+
+#: The keys that the expansion replaces.
+KEYS = ("dimension", "gravity", "bodies", "joints", "forces")
+
+
+def expand_machine(draft: Draft) -> Machine:
+    """Replace the keys of machines in a draft by coordinates, T, V, constraints and others.
+
+    Returns
+    -------
+    Machine
+        Its bodies and joints, which place the bodies at the start.
+    """
+    written = MachineEntries(draft)
+    bodies = Bodies(written, _free_index(draft))
+    gravity = _gravity(written)
+    _dimension(draft)
+    nodes = {key: _block(draft, key) for key in ("bodies", "joints", "forces")}
+    body_node = nodes["bodies"]
+    if body_node is None:
+        draft.report.finish()
+        first = next(k for k in KEYS if k in draft.root.entries)
+        draft.report.add(
+            "missing-key",
+            f"the file has `{first}`, but no `bodies`",
+            draft.root.entries[first][0].location,
+            "a force on a coordinate is written under `Q`, as in `Q: {x: -c*x'}`;\nbodies are"
+            " `bodies: {crank: {mass: 2 kg, length: 0.3 m}}`",
+        )
+        draft.report.finish()
+    assert body_node is not None
+    if "L" in draft.root.entries:
+        draft.report.add(
+            "contradiction",
+            "`L` replaces `T` and `V`, which the bodies give",
+            draft.root.entries["L"][0].location,
+            "write `T` and `V`; they are added to those of the bodies",
+        )
+    bodies.read(body_node, gravity)
+    joints = Joints(written, bodies, _fixed(draft))
+    if nodes["joints"] is not None:
+        joints.read(nodes["joints"])
+    if nodes["forces"] is not None:
+        read_forces(written, bodies, joints, nodes["forces"])
+    draft.report.finish()  # errors of what is generated from these would follow
+    machine = Machine(written, bodies, joints)
+    draft.root = written.root(KEYS)
+    _rename(draft, joints)
+    draft.report.finish()
+    return machine
+
+
+def _block(draft: Draft, key: str) -> Mapping | None:
+    node = draft.get(key)
+    if node is None or (isinstance(node, Scalar) and node.missing):
+        return None
+    examples = {
+        "bodies": "crank: {mass: 2 kg, length: 0.3 m}",
+        "joints": "O: revolute(ground.O, crank.a)",
+        "forces": "s: spring(ground.O, crank.b, stiffness=100 N/m)",
+    }
+    return draft.mapping(node, f"`{key}`", f"write\n{key}:\n  {examples[key]}")
+
+
+def _dimension(draft: Draft) -> None:
+    node = draft.get("dimension")
+    if node is None or (isinstance(node, Scalar) and node.value.strip() == "2"):
+        return
+    draft.report.add(
+        "wrong-value",
+        f"`dimension` is {node.what}, but machines are planar",
+        node.location,
+        "write `dimension: 2`, or leave it out; a body in space is written with `body(m, J, r, R)`"
+        " in `T` (docs/vectors.md)",
+    )
+
+
+def _gravity(written: MachineEntries) -> tuple[str, str]:
+    node = written.draft.get("gravity")
+    if node is None:
+        return "0", "0"
+    items = items_of(node)
+    if items is None or len(items) != 2:
+        given = node.what if items is None else f"a list of {len(items)}"
+        written.report.add(
+            "shape",
+            f"`gravity` must be a vector of 2, not {given}",
+            node.location,
+            "write `gravity: [0, -9.81 m/s^2]`",
+        )
+        return "0", "0"
+    from lagcli.model.machines.references import Key
+    from lagcli.model.yaml.source import Derived
+
+    key = Key("gravity", "", "", Derived("gravity", node.location, node))
+    x, y = (written.parameter(key, axis, v) for axis, v in zip("xy", items, strict=True))
+    return x, y
+
+
+def _free_index(draft: Draft) -> str:
+    """Return a name for the indices of families that name none."""
+    taken = set()
+    for key in ("coordinates", "parameters", "definitions", "inputs", "bodies", "joints"):
+        node = draft.get(key)
+        if isinstance(node, Mapping):
+            taken |= {re.split(r"[^\w]", name.strip())[0] for name in node.entries}
+    return next(x for x in ("i", "j", "k", "n", "index", "i_") if x not in taken)
+
+
+_JOINT = r"\s*(\w+)\s*(\[[^\]]*\])?\s*\.(angle|position)('|_dot)?\s*"
+
+
+def _initial(draft: Draft) -> list[tuple[str, Scalar, YamlNode]]:
+    node = draft.get("initial")
+    return list(node) if isinstance(node, Mapping) else []
+
+
+def _fixed(draft: Draft) -> list[str]:
+    """Return the coordinates of joints that have a fixed initial value."""
+    found = []
+    for name, _, value in _initial(draft):
+        match = re.fullmatch(_JOINT, name)
+        if match is not None and not (isinstance(value, Mapping) and "guess" in value.entries):
+            found.append(f"{match[1]}{'[]' if match[2] else ''}.{match[3]}")
+    return found
+
+
+def _rename(draft: Draft, joints: Joints) -> None:
+    """Rename initial values of joints: the angle of a pin on the ground is that of its body.
+
+    A guess of any other joint serves to place the bodies, and is removed.
+    """
+    entries = {}
+    declared = draft.get("coordinates")
+    known = set(declared.entries) if isinstance(declared, Mapping) else set()
+    families = {re.sub(r"\[[^\]]*\]", "[]", name) for name in known}
+    for name, key, value in _initial(draft):
+        match = re.fullmatch(_JOINT, name)
+        joint = joints.by_base.get(match[1]) if match else None
+        if match is None or joint is None or not joint.quantity:
+            entries[name] = (key, value)
+            continue
+        if match[3] != joint.quantity:
+            draft.report.add(
+                "unknown-name",
+                f"the joint `{match[1]}` has an {joint.quantity}, not `{match[3]}`"
+                if joint.quantity == "angle"
+                else f"the joint `{match[1]}` has a {joint.quantity}, not `{match[3]}`",
+                key.location,
+                f"write `{match[1]}{match[2] or ''}.{joint.quantity}`",
+            )
+            continue
+        coordinate = pinned(joint)
+        if coordinate is not None and not joint.key.index:
+            primes = "'" if match[4] else ""
+            renamed = coordinate + primes
+            entries[renamed] = (key_at(renamed, key), value)
+        elif re.sub(r"\[[^\]]*\]", "[]", f"{match[1]}{match[2] or ''}.{match[3]}") in families:
+            entries[name] = (key, value)
+    node = draft.get("initial")
+    if isinstance(node, Mapping):
+        key = draft.root.entries["initial"][0]
+        made = Mapping(node.source, node.start, node.end, entries)
+        draft.root.entries["initial"] = (key, made)
+
+
+def key_at(name: str, key: Scalar) -> Scalar:
+    """Return a key with another name at the place of a key."""
+    from lagcli.model.yaml.source import Derived
+
+    return Derived(name, key.location, key)
