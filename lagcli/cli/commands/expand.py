@@ -20,7 +20,9 @@ def expand(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print a model file with coordinates, T, V and constraints in place of its bodies and joints.
+    """Print a model file with its bodies and joints expanded.
+
+    Coordinates, T, V and constraints take their place.
 
     The result loads, with the same equations and the same start. Comments are not kept.
     """

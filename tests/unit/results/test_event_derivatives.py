@@ -59,7 +59,7 @@ def test_columns_in_another_order_are_rejected(tmp_path: Path) -> None:
     lagcli.write(run, tmp_path / "run.csv")
     table = tmp_path / "run.events.csv"
     header, *lines = table.read_text().splitlines(keepends=True)
-    before = header.replace(",dt/de", "").replace("mode.floor", "dt/de,mode.floor")
+    before = header.replace(",dt/de", "").replace(",modes", ",dt/de,modes")
     table.write_text("".join([before, *lines]))
     with pytest.raises(FileError, match="its columns are not those of this model"):
         lagcli.read(tmp_path / "run.csv")
