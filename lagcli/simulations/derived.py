@@ -84,10 +84,10 @@ def monitor_of(equations: Equations, system: System, start: ConsistentState) -> 
 
     quantities = named_quantities(eq, symmetries)
     if quantities and not eq.model.switches:
-        from lagcli.engine.constraints.random_states import random_states
+        from lagcli.engine.constraints.random_states import random_walk
         from lagcli.simulations.momenta import distinct
 
-        quantities = distinct(eq, system, start, partial(random_states, system, start), quantities)
+        quantities = distinct(eq, system, start, partial(random_walk, system, start), quantities)
     if not quantities:
         return NO_MONITOR
     from lagcli.equations.symmetry.units import conserved_unit
