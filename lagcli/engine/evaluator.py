@@ -128,6 +128,12 @@ class TapeMatrices:
         return Constraints(**parts)
 
 
+@lru_cache(maxsize=4)
+def matrices_of(system: System) -> TapeMatrices:
+    """Return the matrices of a System, whose places all evaluators and blocks of a run share."""
+    return TapeMatrices(system)
+
+
 class _Bound(NamedTuple):
     """What the evaluators of a System have in common."""
 
@@ -144,7 +150,7 @@ def _bound(system: System) -> _Bound:
         ScalarTape(system.dynamics),
         ScalarTape(system.constraint),
         None if system.tangent is None else ScalarTape(system.tangent.tape),
-        TapeMatrices(system),
+        matrices_of(system),
     )
 
 

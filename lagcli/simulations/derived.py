@@ -84,10 +84,10 @@ def monitor_of(equations: Equations, system: System, start: ConsistentState) -> 
 
     quantities = named_quantities(eq, symmetries)
     if quantities and not eq.model.switches:
-        from lagcli.engine.constraints.random_states import random_states
+        from lagcli.engine.constraints.random_states import random_walk
         from lagcli.simulations.momenta import distinct
 
-        quantities = distinct(eq, system, start, partial(random_states, system, start), quantities)
+        quantities = distinct(eq, system, start, partial(random_walk, system, start), quantities)
     if not quantities:
         return NO_MONITOR
     from lagcli.equations.symmetry.units import conserved_unit
@@ -142,6 +142,12 @@ class DerivedColumns:
         self._places = [places[pair] for pair in system.jacobian_pattern]
         rows = () if system.switching is None else system.switching.rows
         self._limited = [row.row for row in rows if row.limit is not None]
+        # the rows and columns of the entries of M and B, and the order in which they are summed
+        self._of_mass = rows_and_columns(system.mass_pattern)
+        self._of_jacobian = rows_and_columns(system.jacobian_pattern)
+        self._mass_turns = in_turns(self._of_mass[0])
+        self._jacobian_turns = in_turns(self._of_jacobian[0])
+        self._force_turns = in_turns(self._of_jacobian[1])
         self._energy_before = 0.0  # of the system and of the work, at the first sample
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
@@ -195,14 +201,14 @@ class DerivedColumns:
             np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
         )
 
-        row, column = rows_and_columns(system.jacobian_pattern)
+        row, column = self._of_jacobian
         force = e.jacobian * multipliers[row]
         by = np.empty((count, len(row)))
         by[:, self._places] = force.T
         forces, velocity = np.zeros((nq, count)), np.zeros((nc, count))
-        for turn in in_turns(row):
+        for turn in self._jacobian_turns:
             velocity[row[turn]] += e.jacobian[turn] * v[column[turn]]
-        for turn in in_turns(column):
+        for turn in self._force_turns:
             forces[column[turn]] += force[turn]
         power = np.zeros(count)
         for i in range(nc):
@@ -211,8 +217,8 @@ class DerivedColumns:
         for i in self._limited:
             friction += multipliers[i] * (velocity[i] + e.drift[i])
         equation = np.zeros((nq, count))
-        row, column = rows_and_columns(system.mass_pattern)
-        for turn in in_turns(row):
+        row, column = self._of_mass
+        for turn in self._mass_turns:
             equation[row[turn]] += e.mass_matrix[turn] * a[column[turn]]
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
@@ -240,9 +246,9 @@ class DerivedColumns:
             self._times = (self._times[0], float(block.time[-1]))
         self.samples += count
         compliance = self._enlarge(e, block.q, block.v)
-        row, column = rows_and_columns(system.jacobian_pattern)
+        row, column = self._of_jacobian
         taken = np.zeros((nc, count))  # accelerations that forces of constraints take away
-        for turn in in_turns(row):
+        for turn in self._jacobian_turns:
             taken[row[turn]] += np.abs(force[turn] * e.jacobian[turn]) * compliance[column[turn]]
         self._acceleration = _larger(self._acceleration, taken)
         return Samples(
@@ -274,7 +280,7 @@ class DerivedColumns:
     def _enlarge(self, e: Entries, q: Array, v: Array) -> Array:
         """Enlarge the scales to those of states, (n, nq); return 1/M_jj, or 0, (nq, n)."""
         system = self.system
-        row, column = rows_and_columns(system.mass_pattern)
+        row, column = self._of_mass
         on_diagonal = row == column
         mass_diagonal = np.zeros((len(system.coordinates), len(q)))
         mass_diagonal[row[on_diagonal]] = e.mass_matrix[on_diagonal]

@@ -34,15 +34,15 @@ def distinct(
     equations: Equations,
     system: System,
     start: ConsistentState,
-    states: Callable[[], Sequence[ConsistentState]],
+    states: Callable[[], Iterable[ConsistentState]],
     quantities: Sequence[ConservedQuantity],
 ) -> tuple[ConservedQuantity, ...]:
     """Return the quantities without momenta that vanish on the constraints or depend on others.
 
     A field ξ with B ξ = 0 is an admissible velocity. Its momentum p·ξ − F changes by ξᵀM ξ along
     it, and is constant on all consistent states only if ξ is zero there. Fields are compared at
-    the initial state and, if one vanishes or depends on those before it there, at random consistent
-    states.
+    the initial state and, while one vanishes or depends on those before it, at one random
+    consistent state after the other.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def distinct(
     system : System
     start : ConsistentState
     states : callable
-        Returns random consistent states, as `random_states` does.
+        Returns random consistent states, as `random_walk` does.
     quantities : sequence of ConservedQuantity
 
     Notes
@@ -64,36 +64,25 @@ def distinct(
         return tuple(quantities)
     reach = coordinate_reach(Evaluator(system, start.state.p), start.state)
     fields = _Fields(equations, momenta, reach)
-    points = [start.state]
-    if not _dependent(momenta, *fields.at(points)):
+    fields.add(start.state)
+    if not fields.dependent():
         return tuple(quantities)
-    points += [x.state for x in states()]
-    if len(points) == 1 and tangents(system, start.state).shape[1]:
+    alone = True
+    for state in states():
+        alone = False
+        fields.add(state.state)
+        if not fields.dependent():
+            return tuple(quantities)
+    if alone and tangents(system, start.state).shape[1]:
         return tuple(quantities)
     if any(c.rheonomic for c in equations.constraints):
         later = _later(system, start.state)
         if not later:
             return tuple(quantities)
-        points += later
-    omitted = _dependent(momenta, *fields.at(points))
+        for at in later:
+            fields.add(at)
+    omitted = fields.dependent()
     return tuple(q for q in quantities if q.name not in omitted)
-
-
-def _dependent(momenta: Sequence[ConservedQuantity], on: Array, off: Array) -> set[str]:
-    """Return the momenta whose fields on the constraints vanish or depend on those before them."""
-    sizes = np.linalg.norm(off, axis=1)
-    kept: list[Array] = []  # orthonormal
-    dependent = set()
-    for quantity, field, size in zip(momenta, on, sizes, strict=True):
-        rest = field / size
-        for direction in (*kept, *kept):  # twice, against cancellation
-            rest = rest - (direction @ rest) * direction
-        length = float(np.linalg.norm(rest))
-        if length > _ZERO:
-            kept.append(rest / length)
-        else:
-            dependent.add(quantity.name)
-    return dependent
 
 
 def _is_constant(quantity: ConservedQuantity, equations: Equations) -> bool:
@@ -114,12 +103,14 @@ def _later(system: System, state: State) -> list[State]:
 
 
 class _Fields:
-    """The fields of momenta, relative to the coordinates' reach."""
+    """The fields of momenta at states and at random places off them, relative to the reach."""
 
     def __init__(self, equations: Equations, momenta: Sequence[ConservedQuantity], reach: Array):
         entries = [(k, i, x) for k, q in enumerate(momenta) for i, x in q.field.items()]
         self.places = [(k, i) for k, i, _ in entries]
-        self.count, self.reach = len(momenta), reach
+        self.names, self.reach = [q.name for q in momenta], reach
+        self.random = np.random.default_rng(8)
+        self.on, self.off = list[Array](), list[Array]()  # (n, nq) at each state
         self.tape = ScalarTape(
             compile_tape(
                 [x for _, _, x in entries],
@@ -129,17 +120,30 @@ class _Fields:
             )
         )
 
-    def at(self, points: Iterable[State]) -> tuple[Array, Array]:
-        """Return the fields at points and at random ones off them, (n, points × nq)."""
-        random = np.random.default_rng(8)
-        on, off = [], []
-        for s in points:
-            on.append(self._values(s, s.q))
-            off.append(self._values(s, s.q + self.reach * random.normal(size=len(self.reach))))
-        return np.concatenate(on, axis=1), np.concatenate(off, axis=1)
+    def add(self, state: State) -> None:
+        """Evaluate the fields at a state and beside it."""
+        self.on.append(self._values(state, state.q))
+        beside = state.q + self.reach * self.random.normal(size=len(self.reach))
+        self.off.append(self._values(state, beside))
+
+    def dependent(self) -> set[str]:
+        """Return the momenta whose fields at the states vanish or depend on those before them."""
+        on, off = np.concatenate(self.on, axis=1), np.concatenate(self.off, axis=1)
+        kept: list[Array] = []  # orthonormal
+        dependent = set()
+        for name, field, size in zip(self.names, on, np.linalg.norm(off, axis=1), strict=True):
+            rest = field / size
+            for direction in (*kept, *kept):  # twice, against cancellation
+                rest = rest - (direction @ rest) * direction
+            length = float(np.linalg.norm(rest))
+            if length > _ZERO:
+                kept.append(rest / length)
+            else:
+                dependent.add(name)
+        return dependent
 
     def _values(self, state: State, q: Array) -> Array:
-        fields = np.zeros((self.count, len(q)))
+        fields = np.zeros((len(self.names), len(q)))
         values = self.tape((state.t, *q.tolist(), *state.p))
         for (k, i), x in zip(self.places, values, strict=True):
             fields[k, i] = x / self.reach[i]

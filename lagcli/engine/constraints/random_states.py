@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from lagcli.arrays import Array
@@ -25,10 +27,7 @@ _SPREAD = 0.5
 def random_states(
     system: System, start: ConsistentState, count: int = _STATES
 ) -> list[ConsistentState]:
-    """Return random consistent states near the initial state, reproducibly.
-
-    A random walk: each state is a step along the position constraints from the previous one,
-    projected onto them. Guesses far from the constraints would converge to singular configurations.
+    """Return random consistent states near the initial state, reproducibly; see `random_walk`.
 
     Returns
     -------
@@ -36,12 +35,23 @@ def random_states(
         Up to `count`; none for a large system, without constraints, or if these determine all
         positions.
     """
+    return list(random_walk(system, start, count))
+
+
+def random_walk(
+    system: System, start: ConsistentState, count: int = _STATES
+) -> Iterator[ConsistentState]:
+    """Yield random consistent states near the initial state, each when it is asked for.
+
+    A random walk: each state is a step along the position constraints from the previous one,
+    projected onto them. Guesses far from the constraints would converge to singular configurations.
+    """
     random, state = np.random.default_rng(8), start.state
     free = np.zeros(len(state.q), dtype=bool)
     if not system.constraints or len(free) > MOST_COORDINATES:
-        return []
+        return
     size = coordinate_reach(Evaluator(system, state.p), state)
-    states: list[ConsistentState] = []
+    found = 0
     for _ in range(2 * count):
         basis = tangents(system, state)
         if not basis.shape[1]:
@@ -51,14 +61,14 @@ def random_states(
         v = state.v + random.normal(size=len(free)) * np.maximum(np.abs(state.v), size)
         try:
             guess = State(state.t, state.q + step, v, state.p)
-            states.append(consistent_state(system, guess, free, free))
+            consistent = consistent_state(system, guess, free, free)
         except (NoStart, np.linalg.LinAlgError):
             state = start.state
             continue
-        state = states[-1].state
-        if len(states) == count:
+        yield consistent
+        state, found = consistent.state, found + 1
+        if found == count:
             break
-    return states
 
 
 def tangents(system: System, state: State) -> Array:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.evaluator import Dynamics, Entries, TapeMatrices
+from lagcli.engine.evaluator import Dynamics, Entries, matrices_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ArrayTape
 from lagcli.engine.tape.tape import Tape
@@ -32,7 +32,7 @@ class Batch:
     def __init__(self, system: System, p: tuple[float, ...], t: Array, q: Array, v: Array):
         self.system, self.p, self.count = system, p, len(t)
         self._state = [t, *q.T, *v.T]
-        self._matrices = TapeMatrices(system)
+        self._matrices = matrices_of(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""

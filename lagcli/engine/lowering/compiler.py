@@ -11,7 +11,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial, reduce
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import symengine as se
@@ -19,7 +19,7 @@ from symengine import Basic
 
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions, interpolated
 from lagcli.engine.tape.operations import Op
-from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.engine.tape.tape import COMMUTATIVE, Builder, Tape
 from lagcli.model.expression.functions import is_opaque
 from lagcli.model.model import read_input
 
@@ -87,6 +87,47 @@ def compile_tape(
     return compiler.finish([register(e) for e in outputs])
 
 
+class _Orders(dict[int, tuple[int, int, int]]):
+    """Sort keys of terms and factors by register; constant ones come first.
+
+    The first and the last variable on which a register depends, and the register: the operations
+    for all bodies are then in the same order.
+    """
+
+    def __missing__(self, register: int) -> tuple[int, int, int]:
+        return *_INVARIANT, register
+
+
+class _Template:
+    """The operations of an expression whose names are replaced by places.
+
+    Parameters
+    ----------
+    expression : expression
+    places : sequence of symbols
+    parameters : int
+        Number of the first place that stands for a parameter.
+    """
+
+    def __init__(self, expression: Basic, places: Sequence[Basic], parameters: int):
+        compiler = _Compiler(places[:parameters], places[parameters:], NO_FUNCTIONS)
+        result = compiler.register(expression)
+        # registers as places in a list: the inputs, the constants and the results, in order
+        self.constants = tuple(compiler.constants)
+        held = len(places) + len(self.constants)
+
+        def place(register: int) -> int:
+            if register < 0:
+                return len(places) - 1 - register
+            return register if register < len(places) else held + register - len(places)
+
+        self.steps = [
+            (op, op in COMMUTATIVE, [place(x) for x in operands])
+            for op, *operands in compiler.operations
+        ]
+        self.result = place(result)
+
+
 class _Compiler(Builder):
     """Compiles expressions to operations."""
 
@@ -97,34 +138,35 @@ class _Compiler(Builder):
         super().__init__(len(variables) + held, held, 0, functions)
         first = len(variables) + len(parameters)
         self.parameters_begin = len(variables)
-        self.templates: dict[tuple[Basic, int], _Compiler] = {}
+        self.templates: dict[tuple[Basic, int], _Template] = {}
         self.vain = 0  # expressions without a template before them, less those with one
         self.pieces = {
             name: (first + at, degree) for name, (at, degree) in functions.places().items()
         }
         self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
-        # the first and the last variable on which a register depends: terms and factors are ordered
-        # by these, so that the operations for all bodies are in the same order
-        self.span = {x: (x, x) for x in range(len(variables))}
+        self.orders = _Orders((x, (x, x, x)) for x in range(len(variables)))
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Record the dependencies of a new register."""
-        span, first, last = self.span, -1, -1
+        orders, first, last = self.orders, -1, -1
         for x in operands:
-            if x in span:
-                begin, end = span[x]
+            if x in orders:
+                begin, end, _ = orders[x]
                 if last < 0:
                     first, last = begin, end
                 else:
-                    first, last = min(first, begin), max(last, end)
+                    if begin < first:
+                        first = begin
+                    if end > last:
+                        last = end
         if last < 0:
             self.invariant.add(register)
         else:
-            span[register] = first, last
+            orders[register] = first, last, register
 
-    def order(self, register: int) -> tuple[Any, ...]:
+    def order(self, register: int) -> tuple[int, int, int]:
         """Return the sort key of terms and factors: constant ones first."""
-        return self.span.get(register, _INVARIANT), register
+        return self.orders[register]
 
     def register_alike(self, expression: Basic) -> int:
         """Return the register of one of many expressions, such as one for each body.
@@ -160,15 +202,18 @@ class _Compiler(Builder):
         template = self.templates.get((renamed, parameters))
         self.vain += 1 if template is None else -1
         if template is None:
-            places = _PLACES[: len(names)]
-            template = _Compiler(places[:parameters], places[parameters:], NO_FUNCTIONS)
+            template = _Template(renamed, _PLACES[: len(names)], parameters)
             self.templates[renamed, parameters] = template
-            template.register(renamed)
-        registers = dict(enumerate(inputs))
-        registers |= {-1 - n: self.constant(x) for x, n in template.constants.items()}
-        for (op, *operands), result in template.operations.items():
-            registers[result] = self.emit(op, *map(registers.__getitem__, operands))
-        register = self.known[expression] = registers[template.known[renamed]]
+        registers = [*inputs, *map(self.constant, template.constants)]
+        orders, known, new = self.orders, self.operations.get, self.new
+        for op, commutative, operands in template.steps:
+            # as `emit`, without its calls: most of the time is spent here
+            key = (op, *[registers[x] for x in operands])
+            if commutative and orders[key[1]] > orders[key[2]]:
+                key = op, key[2], key[1]
+            register = known(key)
+            registers.append(new(key) if register is None else register)
+        register = self.known[expression] = registers[template.result]
         return register
 
     def register(self, expression: Basic) -> int:
@@ -248,8 +293,8 @@ class _Compiler(Builder):
         minus: list[int] = []
         for term, subtracted in zip(terms, negative, strict=True):
             (minus if subtracted else plus).append(self.known[term])
-        plus.sort(key=self.order)
-        minus.sort(key=self.order)
+        plus.sort(key=self.orders.__getitem__)
+        minus.sort(key=self.orders.__getitem__)
         if plus:
             total, *rest = plus
         else:
@@ -269,8 +314,8 @@ class _Compiler(Builder):
         negative = minus_one is not None and -1 - minus_one in numerator
         if negative:
             numerator.remove(-1 - minus_one)  # type: ignore[operator]
-        numerator.sort(key=self.order)
-        denominator.sort(key=self.order)
+        numerator.sort(key=self.orders.__getitem__)
+        denominator.sort(key=self.orders.__getitem__)
         total = numerator[0] if numerator else self.constant(1.0)
         for x in numerator[1:]:
             total = self.emit(Op.MUL, total, x)
@@ -311,7 +356,7 @@ class _Compiler(Builder):
         """
         if isinstance(e, se.Add):
             squares = [self._squares(_sign_split(term)[0]) for term in e.args]
-            return reduce(partial(self.emit, Op.ADD), sorted(squares, key=self.order))
+            return reduce(partial(self.emit, Op.ADD), sorted(squares, key=self.orders.__getitem__))
         if isinstance(e, se.Mul) and _has_sum(e):
             total = self.constant(1.0)
             for factor in e.args:

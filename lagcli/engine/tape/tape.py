@@ -107,7 +107,7 @@ def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, i
 
 
 _UNUSED = ((), (), (0, 0), (0,), ())  # operands, by the number of used ones plus one
-_COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
+COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
 class Builder:
@@ -198,7 +198,7 @@ class Builder:
 
     def emit(self, op: int, *operands: int) -> int:
         """Return the register of an operation's result."""
-        if op in _COMMUTATIVE and self.order(operands[0]) > self.order(operands[1]):
+        if op in COMMUTATIVE and self.order(operands[0]) > self.order(operands[1]):
             operands = operands[::-1]
         return self.new((op, *operands))
 

@@ -142,15 +142,22 @@ class Motion:
         return terms_of
 
 
-def addends(expression: Basic) -> tuple[Basic, ...]:
-    """Return the terms of a sum; a constant times a sum is distributed, one level deep."""
+def addends(expression: Basic, least: int = 3) -> tuple[Basic, ...]:
+    """Return the terms of a sum; products with one sum are distributed, one level deep.
+
+    Parameters
+    ----------
+    expression : expression
+    least : int
+        The least number of terms of a sum that is distributed.
+    """
     parts = expression.args if isinstance(expression, se.Add) else (expression,)
     terms: list[Basic] = []
     for part in parts:
         if isinstance(part, se.Mul):
             factors = part.args
             sums = [i for i, x in enumerate(factors) if isinstance(x, se.Add)]
-            if len(sums) == 1 and len(factors[sums[0]].args) > 2:
+            if len(sums) == 1 and len(factors[sums[0]].args) >= least:
                 rest = se.Mul(*(x for i, x in enumerate(factors) if i != sums[0]))
                 terms.extend(rest * x for x in factors[sums[0]].args)
                 continue

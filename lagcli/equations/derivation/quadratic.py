@@ -29,6 +29,10 @@ from symengine import Basic
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO, Motion, addends
 from lagcli.model.expression.algebra import kinked_in
 
+#: Least number of terms of a sum in a product that is distributed although the product is a term of
+#: −V: each derivative of the product would differentiate all of them. Shorter ones keep their form.
+_LONG = 24
+
 
 class AffineForm(NamedTuple):
     """An expression affine in the velocities, w = Σ_j w_j v_j + w_0.
@@ -92,7 +96,8 @@ class QuadraticForms:
             forms = list(map(self.form, moving)) if len(moving) == 2 else [None]
             first, second = forms[0], forms[-1]
             if first is None or second is None:
-                rest.extend(addends(part))
+                for term in addends(part):
+                    rest.extend(addends(term, _LONG))
             else:
                 terms.append(QuadraticTerm(se.Mul(*constant), first, second))
         return terms, rest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Iterator
 from contextlib import nullcontext
 
 import numpy as np
@@ -12,6 +13,7 @@ from random_cases import FUZZ_COUNT
 
 from lagcli.analysis.check.check import check
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.constraints.random_states import random_walk
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import ConservedQuantity, named_quantities
 from lagcli.equations.symmetry.linear import monitored_symmetries
@@ -176,6 +178,22 @@ def test_states_are_drawn_only_where_the_start_does_not_tell() -> None:
         with pytest.raises(AssertionError) if drawn else nullcontext():
             kept = distinct(equations, simulation.system, simulation.start, refuse, quantities)
             assert kept == quantities
+
+
+def test_no_more_states_are_drawn_than_tell() -> None:
+    """At the first state beside the start above the origin, the rotation does not vanish."""
+    simulation = prepare(load_text(SPHERICAL))
+    equations, system, start = simulation.equations, simulation.system, simulation.start
+    drawn: list[ConsistentState] = []
+
+    def states() -> Iterator[ConsistentState]:
+        for state in random_walk(system, start):
+            drawn.append(state)
+            yield state
+
+    quantities = monitored_quantities(equations)
+    assert distinct(equations, system, start, states, quantities) == quantities
+    assert len(drawn) == 1
 
 
 @pytest.mark.parametrize("size", [20, 21])
