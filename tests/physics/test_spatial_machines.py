@@ -60,13 +60,17 @@ def listed(vector: Any) -> str:
     return "[" + ", ".join(repr(float(x)) for x in vector) + "]"
 
 
+Values = dict[str, float]
+NO_AXES = (np.eye(3), np.eye(3))
+
+
 @dataclass
 class Joint:
     kind: str
     one: tuple[str, str]
     two: tuple[str, str]
     keys: dict[str, str]
-    axes: tuple[np.ndarray, np.ndarray] | None = None
+    axes: tuple[np.ndarray, np.ndarray] = field(default=NO_AXES)
     acting: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
@@ -107,7 +111,8 @@ class Machine:
             lines.append(f"  {body}: {{{own}}}")
         lines.append("joints:")
         for name, j in self.joints.items():
-            entries = [f"{j.kind}: [{'.'.join(j.one)}, {'.'.join(j.two)}]"]
+            ends = (".".join(end).removesuffix(".") for end in (j.one, j.two))
+            entries = [f"{j.kind}: [{', '.join(ends)}]"]
             entries += [f"{k}: {v}" for k, v in j.keys.items()]
             for quantity, acting in j.acting.items():
                 inside = [f"{k}: {v}" for k, v in acting.items()]
@@ -124,8 +129,10 @@ def machine(seed: int) -> Machine:
     """Return a tree of bodies on random joints, with a loop or not, and a drive or not."""
     r = random.Random(seed)
     m = Machine(r)
-    kinds = ("spherical", "revolute", "revolute", "cylindrical", "prismatic", "universal")
-    kinds += ("planar", "fixed", "screw")
+    kinds = [
+        *("spherical", "revolute", "revolute", "cylindrical", "prismatic", "universal"),
+        *("planar", "fixed", "screw"),
+    ]
     for k in range(r.randint(2, 5)):
         _add(m, k, r.choice(kinds))
     if r.random() < 0.3:  # a disc on the plane z = 0
@@ -148,7 +155,8 @@ def machine(seed: int) -> Machine:
         place = [m.pose(b)[0] + m.pose(b)[1] @ m.points[b][p] for b, p in ends]
         length = float(np.linalg.norm(place[1] - place[0]))
         rigid = all(j.kind in ("fixed",) for j in m.joints.values())
-        if length > 0.1 and not rigid:
+        if length > 0.1 and not rigid and not m.drives:
+            m.initial = [x for x in m.initial if "': " not in x or x.startswith("disc")]
             m.joints["loop"] = Joint("rod", ends[0], ends[1], {"length": repr(length)})
     return m
 
@@ -185,7 +193,7 @@ def _add(m: Machine, k: int, kind: str) -> None:
     if kind in ("spherical", "fixed", "revolute", "universal"):
         offset = np.zeros(3)
     if kind in ("spherical", "fixed"):
-        j.keys, j.axes = {}, None
+        j.keys, j.axes = {}, NO_AXES
     if kind == "planar":
         offset = r.uniform(-0.3, 0.3) * A[1] + r.uniform(-0.3, 0.3) * A[2]
     if kind == "universal":
@@ -216,11 +224,10 @@ def _add(m: Machine, k: int, kind: str) -> None:
             acting["force" if quantity == "position" else "torque"] = "2*cos(t) - 1"
         j.acting[quantity] = acting
         value, rate = (q if quantity == "angle" else x), r.uniform(-2, 2)
-        if quantity == "angle" or not (m.drives or "motor" in m.drives):
-            drives = r.random() < 0.25 and not m.drives and kind != "cylindrical"
-            if drives:
-                acting.pop("torque", None), acting.pop("force", None)
-                m.drives["motor"] = name, f"{quantity}: {value!r} + {rate!r}*t + t^2"
+        if r.random() < 0.25 and not m.drives and kind != "cylindrical":
+            acting.pop("torque", None)
+            acting.pop("force", None)
+            m.drives["motor"] = name, f"{quantity}: {value!r} + {rate!r}*t + t^2"
         if name not in [d for d, _ in m.drives.values()]:
             if quantity == "angle":
                 m.initial.append(f"{name}.angle: {value!r}")
@@ -254,15 +261,18 @@ def imbalance(m: Machine, run: Any, sample: int) -> float:
         force = mass * (part(a, f"{body}.r", "xyz") - G)
         needed[body] = force, R @ (J @ alpha + np.cross(omega, J @ omega))
     total = {b: [np.zeros(3), np.zeros(3)] for b in m.bodies}
-    sizes = [max(abs(x).max() for x in pair) for pair in needed.values()]
+    sizes = [mass * 9.81 for mass, _ in m.bodies.values()]
+    sizes += [max(abs(x).max() for x in pair) for pair in needed.values()]
     worst = 0.0
     for name, j in m.joints.items():
         (r1, R1, v1, w1), (r2, R2, v2, w2) = state[j.one[0]], state[j.two[0]]
-        s1, s2 = (R @ m.points[b][p] if p else np.zeros(3) for R, (b, p) in ((R1, j.one), (R2, j.two)))
+        s1, s2 = (
+            R @ m.points[b][p] if p else np.zeros(3) for R, (b, p) in ((R1, j.one), (R2, j.two))
+        )
         d, at = r2 + s2 - r1 - s1, r2 + s2
         force, moment = np.zeros(3), np.zeros(3)
         motor = lam["motor"] if [x for x, _ in m.drives.values()] == [name] else 0.0
-        u, vv, w = (R1 @ x for x in j.axes[0]) if j.axes else np.eye(3)
+        u, vv, w = (R1 @ x for x in j.axes[0])
         if f"{name}.x" in lam and j.kind != "rolling":
             force = part(lam, name, "xyz")
         for row, direction in (("v", vv), ("w", w), ("h", u)):
@@ -317,7 +327,7 @@ def imbalance(m: Machine, run: Any, sample: int) -> float:
 
 
 def second_derivative(
-    m: Machine, j: Joint, q: dict, v: dict, a: dict, u: np.ndarray, d: np.ndarray, x: float
+    m: Machine, j: Joint, q: Values, v: Values, a: Values, u: np.ndarray, d: np.ndarray, x: float
 ) -> float:
     """Return the second derivative of u·d by central differences along q + v t + a t²/2."""
 
@@ -333,8 +343,7 @@ def second_derivative(
 
         (r1, R1), (r2, R2) = pose(j.one[0]), pose(j.two[0])
         gap = r2 + R2 @ m.points[j.two[0]][j.two[1]] - r1 - R1 @ m.points[j.one[0]][j.one[1]]
-        assert j.axes is not None
-        return float(R1 @ j.axes[0][0] @ gap)
+            return float(R1 @ j.axes[0][0] @ gap)
 
     h = 1e-3
     wide, narrow = (

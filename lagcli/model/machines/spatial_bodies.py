@@ -165,6 +165,4 @@ class SpatialBodies(Bodies):
         return f"diag({', '.join(every)})"
 
     def _fault(self, body: Body, kind: str, message: str, node: YamlNode, help_: str) -> None:
-        self.report.add(
-            kind, f"the body `{body.key.node.value}` {message}", node.location, help_
-        )
+        self.report.add(kind, f"the body `{body.key.node.value}` {message}", node.location, help_)

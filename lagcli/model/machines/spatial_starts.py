@@ -121,7 +121,7 @@ class SpatialMachine(Machine):
     def _given_pose(self, name: str, start: Any, values: Mapping[str, float]) -> Any:
         r = [values.get(f"{name}.r.{c}", x) for c, x in zip("xyz", start.r, strict=True)]
         e = [values.get(f"{name}.e.{c}") for c in _PARTS]
-        R = start.R if None in e or not any(e) else matrix(np.array(e))  # type: ignore[arg-type]
+        R = start.R if None in e or not any(e) else matrix(np.array(e))
         return SpatialPose(np.array(r), R)
 
     def _next(
@@ -146,7 +146,7 @@ class SpatialMachine(Machine):
             offset = first[:, 0] * position
         if kind == "screw":
             pitch = self.number(joint.size, link.indices)
-            offset = joint.axes[0].u * np.array(pitch * angle / math.tau)
+            offset = np.array(joint.axes[0].u) * (pitch * angle / math.tau)
         elif kind == "rod":
             length = self._value(joint.keys["length"][1], link.indices) or 0.0
             offset = np.array([length, 0.0, 0.0])
@@ -156,7 +156,7 @@ class SpatialMachine(Machine):
             R = matrix(np.array(given_e))
         p, q = link.points
         if kind == "rolling":
-            normal, axis = (placed.R if forward else R) @ np.array(joint.axes[0].u), None
+            normal = (placed.R if forward else R) @ np.array(joint.axes[0].u)
             axis = (R if forward else placed.R) @ np.array(joint.axes[1].u)
             radius = self.number(joint.size, link.indices)
             offset = normal * radius * math.sqrt(max(0.0, 1 - float(axis @ normal) ** 2))
@@ -188,6 +188,35 @@ class SpatialMachine(Machine):
             for indices in self._span(key.index, key.span) if body.turns else ():
                 own = self._name(key.base, key.index or key.span, indices) if key.span else key.base
                 self._check_inertia(draft, own, key.node)
+
+        for link in self._links():
+            if all(n == "ground" or f"{n}.e.0" in values for n in link.names) and link.joint.axes:
+                self._check_rotation(draft, link, poses)
+
+    def _check_rotation(self, draft: Draft, link: SingleJoint, poses: Mapping[str, Any]) -> None:
+        """Report bodies that are given the other way round: the rows hold for these as well."""
+        joint = link.joint
+        if joint.kind.name in ("universal", "rolling"):
+            return
+        first, second = (
+            poses[n].R @ _columns(axes) for n, axes in zip(link.names, joint.axes, strict=True)
+        )
+        if joint.kind.name == "prismatic":
+            opposite = float(np.trace(first.T @ second)) < 1  # beyond a quarter turn
+        else:
+            opposite = float(first[:, 0] @ second[:, 0]) < 0
+        angle = self._angles.get(f"{link.name}.angle")
+        if not opposite and angle is not None:
+            opposite = math.cos(angle - self._between(link.name, "angle", poses)) < 0
+        if opposite:
+            draft.report.add(
+                "contradiction",
+                f"the rotations of `{link.names[0]}` and `{link.names[1]}` under `initial` contradict"
+                f" {joint.title}: its axis is reversed, or its angle is another half turn",
+                joint.key.node.location,
+                "give the rotation of one of the two, or the angle of the joint alone; the other"
+                " body is placed by the joint",
+            )
 
     def _check_inertia(self, draft: Draft, name: str, place: Scalar) -> None:
         """Report moments of inertia that no body has: one above the sum of the others."""

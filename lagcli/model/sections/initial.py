@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from lagcli.columns import unit_quotient
 from lagcli.errors import SourceLocation
-from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import decimal, is_number, without_dots
 from lagcli.model.expression.trees import (
