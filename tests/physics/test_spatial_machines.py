@@ -343,7 +343,7 @@ def second_derivative(
 
         (r1, R1), (r2, R2) = pose(j.one[0]), pose(j.two[0])
         gap = r2 + R2 @ m.points[j.two[0]][j.two[1]] - r1 - R1 @ m.points[j.one[0]][j.one[1]]
-            return float(R1 @ j.axes[0][0] @ gap)
+        return float(R1 @ j.axes[0][0] @ gap)
 
     h = 1e-3
     wide, narrow = (

@@ -6,76 +6,38 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from lagcli.model.machines.frames import Basis
+from lagcli.model.machines import rotations
+from lagcli.model.machines.frames import Vector, dot
+from lagcli.model.machines.rotations import IDENTITY, Matrix, applied, plus, product, transposed
 from lagcli.model.machines.starts import Machine, SingleJoint
 from lagcli.model.names.draft import Draft
 from lagcli.model.sections.coordinates import KINDS
 from lagcli.model.yaml.source import Scalar
 
-Array = Any
 #: Size of rounding errors: parts of a guess that are smaller become 0, as a tiny number would be
 #: taken for the size of its coordinate.
 _NOISE = 1e-14
 _PARTS = KINDS["quaternion"].parts
-#: Largest fraction of the trace of J by which a moment of inertia may exceed the sum of the others.
+#: Relative rounding error of moments of inertia.
 _ROUNDING = 1e-9
+_ZERO = (0.0, 0.0, 0.0)
 
 
 class SpatialPose(NamedTuple):
-    """Where a body in space is: its center of mass (3,), and its rotation (3, 3)."""
+    """Where a body in space is: its center of mass, and its rotation."""
 
-    r: Array
-    R: Array
+    r: Vector
+    R: Matrix
 
-    def at(self, local: tuple[float, ...]) -> Array:
+    def at(self, local: tuple[float, ...]) -> Vector:
         """Return the place of a point of the body."""
-        return self.r + self.R @ np.array(local)
-
-
-def rotation(axis: Array, angle: float) -> Array:
-    """Return the rotation about a unit vector by an angle, (3, 3)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew)
-
-
-def quaternion(R: Array) -> Array:
-    """Return the unit quaternion of a rotation, (4,), its largest component positive."""
-    (a, b, c), (d, e, f), (g, h, i) = R
-    outer = np.array(
-        [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
-        ]
-    )  # 4 e eᵀ: the row with the largest diagonal entry is the most exact
-    row = outer[int(np.argmax(np.diag(outer)))]
-    return row / np.linalg.norm(row)
-
-
-def matrix(e: Array) -> Array:
-    """Return the rotation of a quaternion, (3, 3), of any length but 0."""
-    a, b, c, d = e / np.linalg.norm(e)
-    return np.array(
-        [
-            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
-            [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
-            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
-        ]
-    )
-
-
-def _columns(basis: Basis) -> Array:
-    return np.array(basis).T
+        return plus(self.r, applied(self.R, local))
 
 
 class SpatialMachine(Machine):
     """Bodies and joints of a file in space, when their rows are written."""
 
-    origin: Any = SpatialPose(np.zeros(3), np.eye(3))
+    origin: Any = SpatialPose(_ZERO, IDENTITY)
     placing = (
         *("spherical", "revolute", "cylindrical", "prismatic", "universal", "planar", "fixed"),
         *("screw", "rolling", "rod"),
@@ -100,8 +62,9 @@ class SpatialMachine(Machine):
             return
         parts = ("x", "y", "z") if vector == "r" else _PARTS
         pose = poses[body]
-        numbers = pose.r if vector == "r" else quaternion(pose.R)
-        numbers = np.where(abs(numbers) < _NOISE * abs(numbers).max(), 0.0, numbers)
+        numbers = pose.r if vector == "r" else rotations.quaternion(pose.R)
+        least = _NOISE * max(map(abs, numbers))
+        numbers = [0.0 if abs(x) < least else x for x in numbers]
         for primes, every in (("", list(map(_number, numbers))), ("'", ["0"] * len(parts))):
             given = [f"{stem}.{p}{primes}" in values for p in parts]
             if not any(given):
@@ -119,10 +82,12 @@ class SpatialMachine(Machine):
         return super()._placed(values)
 
     def _given_pose(self, name: str, start: Any, values: Mapping[str, float]) -> Any:
-        r = [values.get(f"{name}.r.{c}", x) for c, x in zip("xyz", start.r, strict=True)]
-        e = [values.get(f"{name}.e.{c}") for c in _PARTS]
-        R = start.R if None in e or not any(e) else matrix(np.array(e))
-        return SpatialPose(np.array(r), R)
+        x, y, z = (values.get(f"{name}.r.{c}", r) for c, r in zip("xyz", start.r, strict=True))
+        return SpatialPose((x, y, z), self._given_rotation(name, values) or start.R)
+
+    def _given_rotation(self, name: str, values: Mapping[str, float]) -> Matrix | None:
+        e = [values.get(f"{name}.e.{part}", math.nan) for part in _PARTS]
+        return rotations.matrix(e) if any(e) and all(map(math.isfinite, e)) else None
 
     def _next(
         self,
@@ -138,47 +103,50 @@ class SpatialMachine(Machine):
         kind = joint.kind.name
         position = given.get(f"{link.name}.position", 0.0)
         angle = given.get(f"{link.name}.angle", 0.0)
-        relative, offset = np.eye(3), np.zeros(3)  # R_Aᵀ R_B, and d in A's frame
+        relative, offset = IDENTITY, _ZERO  # R_Aᵀ R_B, and d in A's frame
         if joint.axes:
-            first, second = map(_columns, joint.axes)
-            if kind not in ("universal", "rolling") and (angle or joint.axes[0] != joint.axes[1]):
-                relative = first @ rotation((1.0, 0.0, 0.0), angle) @ second.T
-            offset = first[:, 0] * position
-        if kind == "screw":
-            pitch = self.number(joint.size, link.indices)
-            offset = np.array(joint.axes[0].u) * (pitch * angle / math.tau)
+            first, second = joint.axes
+            if kind not in ("universal", "rolling") and (angle or first != second):
+                turned = product(rotations.about_x(angle), second)
+                relative = product(transposed(first), turned)
+            if kind == "screw":
+                position = self.number(joint.size, link.indices) * angle / math.tau
+            offset = plus(_ZERO, first.u, position)
         elif kind == "rod":
-            length = self._value(joint.keys["length"][1], link.indices) or 0.0
-            offset = np.array([length, 0.0, 0.0])
-        given_e = [values.get(f"{name}.e.{c}") for c in _PARTS]
-        R = placed.R @ (relative if forward else relative.T)
-        if None not in given_e and any(given_e):
-            R = matrix(np.array(given_e))
+            offset = (self._value(joint.keys["length"][1], link.indices) or 0.0, 0.0, 0.0)
+        R = product(placed.R, relative if forward else transposed(relative))
+        R = self._given_rotation(name, values) or R
+        one, two = (placed.R, R) if forward else (R, placed.R)
         p, q = link.points
         if kind == "rolling":
-            normal = (placed.R if forward else R) @ np.array(joint.axes[0].u)
-            axis = (R if forward else placed.R) @ np.array(joint.axes[1].u)
-            radius = self.number(joint.size, link.indices)
-            offset = normal * radius * math.sqrt(max(0.0, 1 - float(axis @ normal) ** 2))
+            normal, axis = applied(one, joint.axes[0].u), applied(two, joint.axes[1].u)
+            sine = math.sqrt(max(0.0, 1 - dot(axis, normal) ** 2))
+            offset = plus(_ZERO, normal, self.number(joint.size, link.indices) * sine)
         elif kind != "rod":
-            offset = (placed.R if forward else R) @ offset
+            offset = applied(one, offset)
         if forward:
-            return SpatialPose(placed.at(p) + offset - R @ np.array(q), R)
-        return SpatialPose(placed.at(q) - offset - R @ np.array(p), R)
+            return SpatialPose(plus(plus(placed.at(p), offset), applied(R, q), -1), R)
+        return SpatialPose(plus(plus(placed.at(q), offset, -1), applied(R, p), -1), R)
+
+    def _axes(self, link: SingleJoint, poses: Mapping[str, Any]) -> tuple[Matrix, Matrix]:
+        """Return the axes u, v, w of a joint on both bodies, as rows in the fixed frame."""
+        one, two = (
+            product(axes, transposed(poses[name].R))
+            for name, axes in zip(link.names, link.joint.axes, strict=True)
+        )
+        return one, two
 
     def _between(self, stem: str, part: str, poses: Mapping[str, Any]) -> float:
         """Return the coordinate of a joint between placed bodies."""
         try:
             link = next(x for x in self._links() if x.name == stem)
-            one, two = (poses[name] for name in link.names)
+            first, second = self._axes(link, poses)
         except (ValueError, KeyError, StopIteration):
             return 0.0
-        if not link.joint.axes:
-            return 0.0
-        first, second = (one.R @ _columns(link.joint.axes[0]), two.R @ _columns(link.joint.axes[1]))
         if part == "position":
-            return float(first[:, 0] @ (two.at(link.points[1]) - one.at(link.points[0])))
-        angle = math.atan2(first[:, 2] @ second[:, 1], first[:, 1] @ second[:, 1])
+            one, two = (poses[n].at(p) for n, p in zip(link.names, link.points, strict=True))
+            return dot(first[0], plus(two, one, -1))
+        angle = math.atan2(dot(first[2], second[1]), dot(first[1], second[1]))
         return angle if abs(angle) > _NOISE else 0.0
 
     def _check(self, draft: Draft, poses: Mapping[str, Any], values: Mapping[str, float]) -> None:
@@ -198,21 +166,21 @@ class SpatialMachine(Machine):
         joint = link.joint
         if joint.kind.name in ("universal", "rolling"):
             return
-        first, second = (
-            poses[n].R @ _columns(axes) for n, axes in zip(link.names, joint.axes, strict=True)
-        )
+        first, second = self._axes(link, poses)
         if joint.kind.name == "prismatic":
-            opposite = float(np.trace(first.T @ second)) < 1  # beyond a quarter turn
+            trace = sum(dot(one, two) for one, two in zip(first, second, strict=True))
+            opposite = trace < 1  # 1 + 2 cos of the angle between them
         else:
-            opposite = float(first[:, 0] @ second[:, 0]) < 0
+            opposite = dot(first[0], second[0]) < 0
         angle = self._angles.get(f"{link.name}.angle")
         if not opposite and angle is not None:
             opposite = math.cos(angle - self._between(link.name, "angle", poses)) < 0
         if opposite:
             draft.report.add(
                 "contradiction",
-                f"the rotations of `{link.names[0]}` and `{link.names[1]}` under `initial` contradict"
-                f" {joint.title}: its axis is reversed, or its angle is another half turn",
+                f"the rotations of `{link.names[0]}` and `{link.names[1]}` under `initial`"
+                f" contradict {joint.title}: its axis is reversed, or its angle is another"
+                " half turn",
                 joint.key.node.location,
                 "give the rotation of one of the two, or the angle of the joint alone; the other"
                 " body is placed by the joint",
@@ -225,13 +193,14 @@ class SpatialMachine(Machine):
             for part, p in draft.parameters.items()
             if part.startswith(f"{name}.inertia.")
         }
-        J = np.zeros((3, 3))
+        J = [[0.0] * 3 for _ in range(3)]
         for part, parameter in found.items():
-            i, j = "xyz".index(part[0]), "xyz".index(part[-1])
-            J[i, j] = parameter.value
+            J["xyz".index(part[0])]["xyz".index(part[-1])] = parameter.value
         shown = f"the inertia of `{place.value}`"
         location = next((p.location for p in found.values() if p.location), place.location)
-        if not np.allclose(J, J.T, rtol=_ROUNDING, atol=0):
+        if any(
+            not math.isclose(J[i][j], J[j][i], rel_tol=_ROUNDING) for i in (0, 1) for j in (1, 2)
+        ):
             draft.report.add(
                 "wrong-value",
                 f"{shown} is not a symmetric matrix",
@@ -239,8 +208,8 @@ class SpatialMachine(Machine):
                 "give the products of inertia −∫ x y dm on both sides of the diagonal",
             )
             return
-        moments = np.linalg.eigvalsh(J)
-        if moments[0] < -_ROUNDING * abs(moments).max():
+        moments = rotations.principal_moments((tuple(J[0]), tuple(J[1]), tuple(J[2])))  # type: ignore[arg-type]
+        if moments[0] < -_ROUNDING * max(map(abs, moments)):
             draft.report.add(
                 "wrong-value",
                 f"{shown} has the negative principal moment {moments[0]:.6g} kg·m² (SI)",
