@@ -60,7 +60,8 @@ MODEL = keys.mapping(
         ),
         "description": keys.described("text", keys.TEXT),
         "dimension": keys.described(
-            "of `bodies`: 2, or 3 in space; by default 3 if one of their vectors has three components",
+            "of `bodies`: 2, or 3 in space; by default 3 if one of their vectors has three"
+            " components",
             {"enum": [2, 3, "2", "3"]},
         ),
         "gravity": keys.described(
