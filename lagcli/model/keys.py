@@ -80,9 +80,14 @@ BODY = mapping(
         "mass": described("mass", _NUMBER),
         "length": described("of a rod along its x axis, with the points `a` and `b`", _NUMBER),
         "inertia": described(
-            "moment of inertia about the center of mass; by default that of a rod with `length`,"
-            " else none: a point mass without an angle",
-            _NUMBER,
+            "moment of inertia about the center of mass; in space three of them, or a matrix; by"
+            " default that of a rod with `length`, else none: a point mass without an angle",
+            {"type": ["string", "number", "object", "array"]},
+        ),
+        "shape": described(
+            "in space, in place of `inertia`: `box(a, b, c)`, `cylinder(r, h)` along z,"
+            " `sphere(r)` or `rod(l)` along x",
+            TEXT,
         ),
         "com": described("center of mass in the frame of the points; 0", EXPRESSION),
         "points": described("name → vector in the frame of the body", named(EXPRESSION)),

@@ -59,13 +59,17 @@ MODEL = keys.mapping(
             "heading of derivations and pages; by default made from the name", keys.TEXT
         ),
         "description": keys.described("text", keys.TEXT),
-        "dimension": keys.described("of `bodies`: 2, which is the default", {"enum": [2, "2"]}),
+        "dimension": keys.described(
+            "of `bodies`: 2, or 3 in space; by default 3 if one of their vectors has three"
+            " components",
+            {"enum": [2, 3, "2", "3"]},
+        ),
         "gravity": keys.described(
             "acceleration of the bodies, a vector; none by default", keys.EXPRESSION
         ),
         "bodies": keys.described(
-            "name → {`mass`, `length`, `inertia`, `com`, `points`}; `ground` has `points` only; see"
-            " [machines.md](machines.md)",
+            "name → {`mass`, `length`, `inertia`, `shape`, `com`, `points`}; `ground` has `points`"
+            " only; see [machines.md](machines.md)",
             keys.one_of(keys.named(keys.one_of(keys.BODY, keys.EMPTY)), keys.EMPTY),
         ),
         "joints": keys.described(

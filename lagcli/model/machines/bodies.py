@@ -25,20 +25,32 @@ class Body:
     Parameters
     ----------
     key : Key
-    points : dict of str to pair of str
+    points : dict of str to tuple of str
         Coordinates of its points in its frame, from its center of mass.
     turns : bool
-        Whether it has an angle; a point mass has none.
+        Whether it has an angle or a rotation; a point mass has none.
+    dimension : int
     """
 
     key: Key
-    points: dict[str, tuple[str, str]] = field(default_factory=dict)
+    points: dict[str, tuple[str, ...]] = field(default_factory=dict)
     turns: bool = True
+    dimension: int = 2
 
     @property
     def fixed(self) -> bool:
         """Whether it is the ground."""
         return self.key.base == GROUND
+
+    def center(self, name: str) -> str:
+        """Return the vector to the center of mass of a member; of the ground, to its origin."""
+        if self.fixed:
+            return "[0, 0]" if self.dimension == 2 else "[0, 0, 0]"
+        return f"[{name}.x, {name}.y]" if self.dimension == 2 else f"{name}.r"
+
+    def velocity(self, name: str) -> str:
+        """Return the velocity of the center of mass of a member."""
+        return f"[{name}.x', {name}.y']" if self.dimension == 2 else f"{name}.r'"
 
 
 class Bodies:
@@ -51,6 +63,10 @@ class Bodies:
         Name of the index of families that name none.
     """
 
+    dimension = 2
+    axes: tuple[str, ...] = _AXES
+    reason = "; machines in space have `dimension: 3`"
+
     def __init__(self, written: MachineEntries, free_index: str):
         self.written, self.report = written, written.report
         self.free_index = free_index
@@ -60,7 +76,7 @@ class Bodies:
         """Yield the bodies, without the ground."""
         return (b for bodies in self.by_base.values() for b in bodies if not b.fixed)
 
-    def read(self, node: Mapping, gravity: tuple[str, str]) -> None:
+    def read(self, node: Mapping, gravity: tuple[str, ...]) -> None:
         """Read the entries of `bodies`, and write what they add to the model."""
         for name, key_node, value in node:
             key = read_key(key_node, self.free_index)
@@ -80,20 +96,20 @@ class Bodies:
         if GROUND not in self.by_base:
             place = next(iter(node.entries.values()))[0] if node.entries else None
             ground = Derived(GROUND, (place or node).location, place or node)
-            self.by_base[GROUND] = [Body(Key(GROUND, "", "", ground))]
+            self.by_base[GROUND] = [Body(Key(GROUND, "", "", ground), dimension=self.dimension)]
 
     def _ground(self, key: Key, value: YamlNode) -> None:
-        body = Body(key)
+        body = Body(key, dimension=self.dimension)
         self.by_base[GROUND] = [body]
         if isinstance(value, Scalar) and value.missing:
             return
         fields = self._fields(key, value, ("points",))
-        self._points(body, fields.get("points"), ("0", "0"))
+        self._points(body, fields.get("points"), ("0",) * self.dimension)
 
-    def _body(self, key: Key, value: YamlNode, gravity: tuple[str, str]) -> None:
-        written, name = self.written, key.name
+    def _mass(self, key: Key, value: YamlNode) -> tuple[Body, dict[str, YamlNode], str] | None:
+        """Return a body, its keys, and its mass; report that it has none."""
         fields = self._fields(key, value, keys_of(BODY))
-        body = Body(key)
+        body = Body(key, dimension=self.dimension)
         self.by_base.setdefault(key.base, []).append(body)
         if "mass" not in fields:
             self.report.add(
@@ -102,19 +118,34 @@ class Bodies:
                 key.node.location,
                 f"write `{key.node.value}: {{mass: 2 kg, length: 0.3 m}}`",
             )
+            return None
+        return body, fields, self._required(body, "mass", fields["mass"])
+
+    def _body(self, key: Key, value: YamlNode, gravity: tuple[str, ...]) -> None:
+        written, name = self.written, key.name
+        read = self._mass(key, value)
+        if read is None:
             return
-        mass = self._required(body, "mass", fields["mass"])
+        body, fields, mass = read
         length = None
         if "length" in fields:
             length = self._required(body, "length", fields["length"])
         inertia = None
+        if "shape" in fields:
+            self.report.add(
+                "wrong-value",
+                f"the body `{key.node.value}` has a `shape`, but the machine is planar",
+                fields["shape"].location,
+                "give its `inertia` about the center of mass, or write `dimension: 3`",
+            )
         if "inertia" in fields:
             if items_of(fields["inertia"]) is not None:
                 self.report.add(
                     "wrong-type",
                     f"the inertia of `{key.node.value}` is a list, which a body in a plane has not",
                     fields["inertia"].location,
-                    "give the moment of inertia about the center of mass, as in 0.02 kg*m^2",
+                    "give the moment of inertia about the center of mass, as in 0.02 kg*m^2;"
+                    " machines in space have `dimension: 3`",
                 )
                 return
             inertia = written.parameter(key, "inertia", fields["inertia"])
@@ -123,13 +154,13 @@ class Bodies:
             inertia = written.parameter(key, "inertia", rod)
         body.turns = inertia not in (None, "0")
         self._coordinates(body)
-        center = ("0", "0")
+        center: tuple[str, ...] = ("0", "0")
         if "com" in fields:
             center = self._vector(body, "com", fields["com"]) or center
         if length is not None:
             half = f"{length}/2"
-            body.points["a"] = (_minus(f"-{half}", center[0]), _minus("0", center[1]))
-            body.points["b"] = (_minus(half, center[0]), _minus("0", center[1]))
+            body.points["a"] = (minus(f"-{half}", center[0]), minus("0", center[1]))
+            body.points["b"] = (minus(half, center[0]), minus("0", center[1]))
         self._points(body, fields.get("points"), center)
         for point, place in body.points.items():
             written.add("definitions", f"{key.declared}.{point}", self._at(body, place), key.node)
@@ -167,25 +198,25 @@ class Bodies:
             )
         return self.written.parameter(body.key, path, node)
 
-    def _vector(self, body: Body, path: str, node: YamlNode) -> tuple[str, str] | None:
+    def _vector(self, body: Body, path: str, node: YamlNode) -> tuple[str, ...] | None:
         items = items_of(node)
-        if items is None or len(items) != len(_AXES):
+        if items is None or len(items) != self.dimension:
             given = node.what if items is None else f"a list of {len(items)}"
+            example = "[0.1 m, 0]" if self.dimension == 2 else "[0.1 m, 0, 0]"
             self.report.add(
                 "shape",
-                f"`{path}` of `{body.key.node.value}` must be a vector of 2, not {given}",
+                f"`{path}` of `{body.key.node.value}` must be a vector of {self.dimension}, not"
+                f" {given}",
                 node.location,
-                "write `[0.1 m, 0]`, its place in the frame of the body"
-                + ("" if not items or len(items) != 3 else "; machines are planar"),
+                f"write `{example}`, its place in the frame of the body{self.reason}",
             )
             return None
-        x, y = (
+        return tuple(
             self.written.parameter(body.key, f"{path}.{axis}", item)
-            for axis, item in zip(_AXES, items, strict=True)
+            for axis, item in zip(self.axes, items, strict=True)
         )
-        return x, y
 
-    def _points(self, body: Body, node: YamlNode | None, center: tuple[str, str]) -> None:
+    def _points(self, body: Body, node: YamlNode | None, center: tuple[str, ...]) -> None:
         if node is None:
             return
         what = f"`points` of `{body.key.node.value}`"
@@ -203,23 +234,24 @@ class Bodies:
                 continue
             place = self._vector(body, f"points.{name}", value)
             if place is None:
-                body.points[name] = ("0", "0")
+                body.points[name] = ("0",) * self.dimension
                 continue
-            x, y = (_minus(p, c) for p, c in zip(place, center, strict=True))
-            body.points[name] = (x, y)
+            local = tuple(minus(p, c) for p, c in zip(place, center, strict=True))
+            body.points[name] = local
             if body.fixed:
-                self.written.add("definitions", f"{GROUND}.{name}", f"[{x}, {y}]", key)
-            elif not body.turns and place != ("0", "0"):
+                self.written.add("definitions", f"{GROUND}.{name}", f"[{', '.join(local)}]", key)
+            elif not body.turns and set(place) != {"0"}:
                 self.report.add(
                     "missing-value",
                     f"the body `{body.key.node.value}` has the point `{name}` beside its center"
                     " of mass, but no inertia",
                     key.location,
-                    f"write `{body.key.node.value}: {{mass: …, inertia: 0.02 kg*m^2}}`, or the"
+                    f"write `{body.key.node.value}: {{mass: …, inertia:"
+                    f" {'0.02 kg*m^2' if self.dimension == 2 else '[0.02, 0.03, 0.04]'}}}`, or the"
                     " `length` of a rod",
                 )
 
-    def _at(self, body: Body, place: tuple[str, str]) -> str:
+    def _at(self, body: Body, place: tuple[str, ...]) -> str:
         """Return the vector to a point of a body."""
         name, (x, y) = body.key.name, place
         if (x, y) == ("0", "0"):
@@ -268,7 +300,8 @@ class Bodies:
         return body
 
 
-def _minus(x: str, y: str) -> str:
+def minus(x: str, y: str) -> str:
+    """Return a difference; 0 remains 0."""
     if y == "0":
         return x
     return f"({'' if x == '0' else x + ' '}- {y})"

@@ -7,11 +7,13 @@ import re
 from lagcli.model.machines.bodies import Bodies
 from lagcli.model.machines.forces import read_forces
 from lagcli.model.machines.joints import Joints, pinned
-from lagcli.model.machines.references import items_of
+from lagcli.model.machines.references import Key, items_of
+from lagcli.model.machines.spatial_bodies import SpatialBodies
+from lagcli.model.machines.spatial_starts import SpatialMachine
 from lagcli.model.machines.starts import Machine
 from lagcli.model.machines.written import MachineEntries
 from lagcli.model.names.draft import Draft
-from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
+from lagcli.model.yaml.source import Derived, Mapping, Scalar, YamlNode
 
 #: The keys that the expansion replaces.
 KEYS = ("dimension", "gravity", "bodies", "joints", "forces")
@@ -26,9 +28,13 @@ def expand_machine(draft: Draft) -> Machine:
         Its bodies and joints, which place the bodies at the start.
     """
     written = MachineEntries(draft)
-    bodies = Bodies(written, _free_index(draft))
-    gravity = _gravity(written)
-    _dimension(draft)
+    dimension, reason = _dimension(draft)
+    bodies: Bodies
+    if dimension == 3:
+        bodies = SpatialBodies(written, _free_index(draft), reason)
+    else:
+        bodies = Bodies(written, _free_index(draft))
+    gravity = _gravity(written, dimension)
     nodes = {key: _block(draft, key) for key in ("bodies", "joints", "forces")}
     body_node = nodes["bodies"]
     if body_node is None:
@@ -57,7 +63,7 @@ def expand_machine(draft: Draft) -> Machine:
     if nodes["forces"] is not None:
         read_forces(written, bodies, joints, nodes["forces"])
     draft.report.finish()  # errors of what is generated from these would follow
-    machine = Machine(written, bodies, joints)
+    machine = (SpatialMachine if dimension == 3 else Machine)(written, bodies, joints)
     draft.root = written.root(KEYS)
     _rename(draft, joints)
     draft.report.finish()
@@ -76,39 +82,62 @@ def _block(draft: Draft, key: str) -> Mapping | None:
     return draft.mapping(node, f"`{key}`", f"write\n{key}:\n  {examples[key]}")
 
 
-def _dimension(draft: Draft) -> None:
+def _dimension(draft: Draft) -> tuple[int, str]:
+    """Return the dimension of a machine, as given, or 3 where a vector has three components.
+
+    The text says which vector that is.
+    """
     node = draft.get("dimension")
-    if node is None or (isinstance(node, Scalar) and node.value.strip() == "2"):
-        return
-    draft.report.add(
-        "wrong-value",
-        f"`dimension` is {node.what}, but machines are planar",
-        node.location,
-        "write `dimension: 2`, or leave it out; a body in space is written with `body(m, J, r, R)`"
-        " in `T` (docs/vectors.md)",
-    )
+    if node is None:
+        vector = _in_space(draft)
+        return (3, f"; {vector}, so that the machine is in space") if vector else (2, "")
+    text = node.value.strip() if isinstance(node, Scalar) else ""
+    if text not in ("2", "3"):
+        draft.report.add(
+            "wrong-value",
+            f"`dimension` is {node.what}",
+            node.location,
+            "write `dimension: 2` for a machine in a plane, `dimension: 3` for one in space",
+        )
+    return (3 if text == "3" else 2), ""
 
 
-def _gravity(written: MachineEntries) -> tuple[str, str]:
+def _in_space(draft: Draft) -> str:
+    """Return which vector, of gravity and of the bodies, has three components."""
+    vectors = [("gravity", draft.get("gravity"))]
+    bodies = draft.get("bodies")
+    for _, key, body in bodies if isinstance(bodies, Mapping) else ():
+        for name, _, value in body if isinstance(body, Mapping) else ():
+            own = f"{key.value}.{name}"
+            if name in ("inertia", "com"):
+                vectors.append((own, value))
+            elif name == "points" and isinstance(value, Mapping):
+                vectors += [(f"{own}.{point.value}", node) for _, point, node in value]
+    for shown, node in vectors:
+        items = items_of(node) if node is not None else None
+        if node is not None and items is not None and len(items) == 3:
+            return f"`{shown}` in line {node.location.line} has three components"
+    return ""
+
+
+def _gravity(written: MachineEntries, dimension: int) -> tuple[str, ...]:
     node = written.draft.get("gravity")
     if node is None:
-        return "0", "0"
+        return ("0",) * dimension
     items = items_of(node)
-    if items is None or len(items) != 2:
+    if items is None or len(items) != dimension:
         given = node.what if items is None else f"a list of {len(items)}"
+        zeros = "0, " * (dimension - 1)
         written.report.add(
             "shape",
-            f"`gravity` must be a vector of 2, not {given}",
+            f"`gravity` must be a vector of {dimension}, not {given}",
             node.location,
-            "write `gravity: [0, -9.81 m/s^2]`",
+            f"write `gravity: [{zeros}-9.81 m/s^2]`"
+            + ("; machines in space have `dimension: 3`" if dimension == 2 else ""),
         )
-        return "0", "0"
-    from lagcli.model.machines.references import Key
-    from lagcli.model.yaml.source import Derived
-
+        return ("0",) * dimension
     key = Key("gravity", "", "", Derived("gravity", node.location, node))
-    x, y = (written.parameter(key, axis, v) for axis, v in zip("xy", items, strict=True))
-    return x, y
+    return tuple(written.parameter(key, axis, v) for axis, v in zip("xyz", items, strict=False))
 
 
 def _free_index(draft: Draft) -> str:
@@ -154,7 +183,7 @@ def _rename(draft: Draft, joints: Joints) -> None:
         if match is None or joint is None or not joint.quantity:
             entries[name] = (key, value)
             continue
-        if match[3] != joint.quantity:
+        if match[3] not in joint.quantities:
             draft.report.add(
                 "unknown-name",
                 f"the joint `{match[1]}` has an {joint.quantity}, not `{match[3]}`"
@@ -180,6 +209,4 @@ def _rename(draft: Draft, joints: Joints) -> None:
 
 def key_at(name: str, key: Scalar) -> Scalar:
     """Return a key with another name at the place of a key."""
-    from lagcli.model.yaml.source import Derived
-
     return Derived(name, key.location, key)

@@ -1,5 +1,6 @@
-"""Fixed joint in a plane: a weld."""
+"""Fixed joint: a weld."""
 
+from lagcli.model.machines.frames import equal_rotations
 from lagcli.model.machines.kind import JointKind, MachineJoint
 from lagcli.model.machines.revolute import relative_angle
 
@@ -12,6 +13,11 @@ def _write(joint: MachineJoint) -> None:
         joint.row("M", f"{relative_angle(joint)} = {angle}")
 
 
+def _write_in_space(joint: MachineJoint) -> None:
+    joint.row("", f"{joint.point(1)} = {joint.point(0)}")
+    joint.row("M", equal_rotations(joint))
+
+
 FIXED = JointKind(
     "fixed",
     "bodies",
@@ -21,4 +27,15 @@ FIXED = JointKind(
     "fixed(frame.P, plate, angle=30 deg)",
     "P_B − P_A = 0, φ_B − φ_A = angle",
     "`.x`, `.y`: force in the fixed frame; `.M`: moment",
+)
+FIXED_IN_SPACE = JointKind(
+    "fixed",
+    "bodies",
+    _write_in_space,
+    (),
+    False,
+    "fixed(frame.P, plate.Q)",
+    "P_B − P_A = 0, R_B = R_A",
+    "`.x`, `.y`, `.z`: force in the fixed frame; `.M.x`, `.M.y`, `.M.z`: moment in A's frame",
+    3,
 )

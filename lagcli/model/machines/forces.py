@@ -48,36 +48,69 @@ def _wrench(force: MachineJoint) -> None:
     if "force" in given:
         node = force.keys["force"][1]
         items = items_of(node)
-        if items is None or len(items) != 2:
+        dimension = force.bodies[0].dimension
+        if items is None or len(items) != dimension:
+            zeros = "0, " * (dimension - 1)
             force.fault(
                 "shape",
-                f"the `force` of {force.title} must be a vector of 2, not {node.what}",
-                "write `force=[0, -20 N]`, in the fixed frame",
+                f"the `force` of {force.title} must be a vector of {dimension}, not {node.what}",
+                f"write `force=[{zeros}-20 N]`, in the fixed frame",
                 node,
             )
             return
-        x, y = (force.expression(f"force.{a}", v) for a, v in zip("xy", items, strict=True))
+        every = [force.expression(f"force.{a}", v) for a, v in zip("xyz", items, strict=False)]
+        text = f"[{', '.join(every)}]"
         frame = force.given("in")
         if frame is not None:
-            angle = _frame(force, frame)
-            if angle is None:
+            if not _own_frame(force, frame):
                 return
-            c, s = f"cos({angle})", f"sin({angle})"
-            x, y = f"({x})*{c} - ({y})*{s}", f"({x})*{s} + ({y})*{c}"
+            if dimension == 3:
+                text = f"{force.rotation(0)}*{text}"
+            else:
+                (x, y), angle = every, force.angle(0)
+                c, s = f"cos({angle})", f"sin({angle})"
+                text = f"[({x})*{c} - ({y})*{s}, ({x})*{s} + ({y})*{c}]"
         name = f"{key.declared}.place"
         written.add("definitions", name, force.point(0), key.node)
-        written.add("Q", name, f"[{x}, {y}]", key.node, force.inlined)
+        written.add("Q", name, text, key.node, force.inlined)
     if "moment" in given:
+        _moment(force)
+
+
+def _moment(force: MachineJoint) -> None:
+    """Write a given moment: on the angle of a body, or in space on its rotation."""
+    written, key, node = force.written, force.key, force.keys["moment"][1]
+    name = f"{key.declared}.turned"
+    if force.bodies[0].dimension == 2:
         angle = force.angle(0)
         if angle != "0":
-            name = f"{key.declared}.turned"
             written.add("definitions", name, angle, key.node)
-            text = force.expression("moment", force.keys["moment"][1])
+            text = force.expression("moment", node)
             written.add("Q", name, text, key.node, force.inlined)
+        return
+    items = items_of(node)
+    if items is None or len(items) != 3:
+        force.fault(
+            "shape",
+            f"the `moment` of {force.title} must be a vector of 3, not {node.what}",
+            "write `moment=[0, 0, 2 N*m]`, in the fixed frame",
+            node,
+        )
+        return
+    frame = force.given("in")
+    rotation = force.rotation(0)
+    if not rotation or (frame is not None and not _own_frame(force, frame)):
+        return
+    every = (force.expression(f"moment.{a}", v) for a, v in zip("xyz", items, strict=True))
+    text = f"[{', '.join(every)}]"  # the generalized force of a rotation is in the body's frame
+    if frame is None:
+        text = f"transpose({rotation})*{text}"
+    written.add("definitions", name, rotation, key.node)
+    written.add("Q", name, text, key.node, force.inlined)
 
 
-def _frame(force: MachineJoint, node: YamlNode) -> str | None:
-    """Return the angle of the body in whose frame a force is given."""
+def _own_frame(force: MachineJoint, node: YamlNode) -> bool:
+    """Whether a force is given in the frame of its body; report another."""
     own = force.first.name
     if getattr(node, "value", "").strip() != own:
         force.fault(
@@ -86,8 +119,8 @@ def _frame(force: MachineJoint, node: YamlNode) -> str | None:
             f"write `in={own}`, or leave it out: the force is then in the fixed frame",
             node,
         )
-        return None
-    return force.angle(0)
+        return False
+    return True
 
 
 FORCES = {

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from lagcli.model.machines.bodies import GROUND, Bodies
-from lagcli.model.machines.kind import JointKind, MachineJoint
+from lagcli.model.machines.kind import JointKind, MachineJoint, Nodes
 from lagcli.model.machines.references import JointCall, Key, read_call, read_key, read_reference
-from lagcli.model.machines.registry import KINDS, OF_COORDINATE, SPATIAL
+from lagcli.model.machines.registry import KINDS, OF_COORDINATE
 from lagcli.model.machines.written import MachineEntries
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
@@ -30,7 +31,9 @@ class Joints:
     def __init__(self, written: MachineEntries, bodies: Bodies, fixed: Iterable[str]):
         self.written, self.bodies, self.report = written, bodies, written.report
         self.fixed = set(fixed)
+        self.kinds = KINDS[bodies.dimension]
         self.by_base: dict[str, MachineJoint] = {}
+        self.moved: set[str] = set()
         self.driven: dict[str, MachineJoint] = {}
 
     def read(self, node: Mapping) -> None:
@@ -60,17 +63,22 @@ class Joints:
             call = self._call(key, value)
             if call is not None:
                 calls.append((key, call))
-        for key, call in sorted(calls, key=lambda c: KINDS[c[1].kind].connects != "bodies"):
-            joint = self._joint(key, call, KINDS[call.kind])
+        couplings = [c for _, c in calls if self.kinds[c.kind].connects != "bodies"]
+        moved = (read_reference(x) for call in couplings for x in call.arguments)
+        self.moved = {reference.base for reference in moved if reference is not None}
+        for key, call in sorted(calls, key=lambda c: self.kinds[c[1].kind].connects != "bodies"):
+            joint = self._joint(key, call, self.kinds[call.kind])
             if joint is not None:
                 self.by_base[key.base] = joint
                 joint.kind.write(joint)
                 self._acting(joint)
 
     def _call(self, key: Key, value: YamlNode) -> JointCall | None:
-        call = read_call(value, {**KINDS, **dict.fromkeys(SPATIAL)})
+        dimension = self.bodies.dimension
+        elsewhere = KINDS[5 - dimension]
+        call = read_call(value, {**elsewhere, **self.kinds})
         what = f"the joint `{key.node.value}`"
-        kinds = ", ".join(f"`{k}`" for k in KINDS)
+        kinds = ", ".join(f"`{k}`" for k in self.kinds)
         if isinstance(call, str):
             self.report.add(
                 "wrong-type",
@@ -80,23 +88,26 @@ class Joints:
                 f" `{{revolute: [ground.O, crank.a]}}`; the kinds are {kinds}",
             )
             return None
-        if call.kind in SPATIAL:
+        if call.kind not in self.kinds and call.kind in elsewhere:
             self.report.add(
                 "unknown-kind",
-                f"{what} is of the kind `{call.kind}`, which exists in space only",
+                f"{what} is of the kind `{call.kind}`, which exists "
+                + ("in space only" if dimension == 2 else "in a plane only"),
                 call.kind_node.location,
-                f"machines are planar; the kinds are {kinds}",
+                "this machine is planar: write `dimension: 3`, and points of three components"
+                if dimension == 2
+                else f"the kinds in space are {kinds}",
             )
             return None
-        if call.kind not in KINDS:
+        if call.kind not in self.kinds:
             self.report.add(
                 "unknown-kind",
                 f"there is no joint of the kind `{shorten(call.kind)}`",
                 call.kind_node.location,
-                did_you_mean(nearest(call.kind, list(KINDS), 1)) or f"the kinds are {kinds}",
+                did_you_mean(nearest(call.kind, list(self.kinds), 1)) or f"the kinds are {kinds}",
             )
             return None
-        kind = KINDS[call.kind]
+        kind = self.kinds[call.kind]
         wanted = 1 if kind.connects == "joint" else 2
         if len(call.arguments) != wanted:
             self.report.add(
@@ -139,6 +150,7 @@ class Joints:
             if None in found:
                 return None
             joint.bodies = tuple(b for b in found if b is not None)
+            joint.measured = self._measured(joint)
             if known[0].name == known[1].name:
                 joint.fault(
                     "contradiction",
@@ -154,6 +166,16 @@ class Joints:
         if kind.name == "drive":
             return joint if self._drives(joint) else None
         return joint
+
+    def _measured(self, joint: MachineJoint) -> bool:
+        """Whether a drive, a key of the joint or an expression of the file uses its angle."""
+        base = joint.key.base
+        used = rf"(?<![\w.]){re.escape(base)}\s*(\[[^\]]*\])?\s*\.angle(?!\w)"
+        return (
+            base in self.moved
+            or any(key in joint.keys for key in (*OF_COORDINATE, "angle"))
+            or re.search(used, self.written.draft.source.text) is not None
+        )
 
     def _moved(self, reference: object, what: str) -> MachineJoint | None:
         """Return the joint whose coordinate a coupling moves; report others."""
@@ -182,7 +204,8 @@ class Joints:
         """Return whether a drive moves a joint that nothing else drives; report others."""
         (driven,) = joint.joints
         name = joint.first.name
-        other = self.driven.setdefault(name, joint)
+        moved = next((k for k in driven.quantities if k in joint.keys), driven.quantity)
+        other = self.driven.setdefault(f"{name}.{moved}", joint)
         if other is not joint:
             self.report.add(
                 "contradiction",
@@ -193,9 +216,13 @@ class Joints:
                 (("the first one is here", other.key.node.location),),
             )
             return False
+        acting = driven.keys
+        if driven.kind.name == "cylindrical":
+            nested = driven.given(moved)
+            acting = nested.entries if isinstance(nested, Mapping) else {}
         for key in ("torque", "force"):
-            if key in driven.keys:
-                node = driven.keys[key][0]
+            if key in acting:
+                node = acting[key][0]
                 self.report.add(
                     "contradiction",
                     f"the joint `{name}` has a `{key}` and the drive `{joint.key.node.value}`,"
@@ -207,38 +234,55 @@ class Joints:
         return True
 
     def _acting(self, joint: MachineJoint) -> None:
-        """Write what acts on the coordinate of a joint: springs, dampers, torques, stops."""
-        written, key, q = self.written, joint.key, joint.q
-        used = [k for k in OF_COORDINATE if k in joint.keys and k not in joint.kind.keys]
-        if not joint.quantity:
+        """Write what acts on the coordinates of a joint: springs, dampers, torques, stops."""
+        if joint.kind.name != "cylindrical":
+            self._acting_on(joint, joint.quantity, joint.keys, "")
+        for quantity in joint.quantities if joint.kind.name == "cylindrical" else ():
+            node = joint.given(quantity)
+            if node is None:
+                self._explicit(joint, quantity)
+                continue
+            what = f"`{quantity}` of {joint.title}"
+            example = f"write `{quantity}: {{damping: 2}}`"
+            mapping = self.written.draft.mapping(node, what, example)
+            if mapping is not None:
+                self.written.draft.fields(mapping, what, OF_COORDINATE)
+                known = {n: e for n, e in mapping.entries.items() if n in OF_COORDINATE}
+                self._acting_on(joint, quantity, known, f"{quantity}.")
+
+    def _acting_on(self, joint: MachineJoint, quantity: str, keys: Nodes, prefix: str) -> None:
+        written, key = self.written, joint.key
+        used = [k for k in OF_COORDINATE if k in keys and k not in joint.kind.keys]
+        if not quantity:
             if used and joint.kind.movable:
                 joint.fault(
                     "contradiction",
                     f"{joint.title} has no angle for its `{used[0]}`: it is on a point mass",
                     "give the body an `inertia`",
-                    joint.keys[used[0]][0],
+                    keys[used[0]][0],
                 )
             return
-        action = "torque" if joint.quantity == "angle" else "force"
+        q = f"{key.name}.{quantity}"
+        action = "torque" if quantity == "angle" else "force"
         wrong = "force" if action == "torque" else "torque"
-        if wrong in joint.keys:
+        if wrong in keys:
             joint.fault(
                 "unknown-key",
-                f"{joint.title} has an {joint.quantity}, on which no {wrong} acts"
-                if joint.quantity == "angle"
-                else f"{joint.title} has a {joint.quantity}, on which no {wrong} acts",
+                f"{joint.title} has an {quantity}, on which no {wrong} acts"
+                if quantity == "angle"
+                else f"{joint.title} has a {quantity}, on which no {wrong} acts",
                 f"write `{action}`",
-                joint.keys[wrong][0],
+                keys[wrong][0],
             )
             return
-        values = {k: joint.number(k, joint.keys[k][1]) for k in used if k != action}
+        values = {k: joint.number(prefix + k, keys[k][1]) for k in used if k != action}
         for name, needs in (("rest", "stiffness"), ("restitution", "min")):
             if name in values and needs not in values and not (name != "rest" and "max" in values):
                 joint.fault(
                     "missing-value",
                     f"{joint.title} has `{name}`, but no `{needs}`",
                     f"give `{needs}`, or remove `{name}`",
-                    joint.keys[name][0],
+                    keys[name][0],
                 )
         rate = f"{q}'"
         if "stiffness" in values:
@@ -249,34 +293,37 @@ class Joints:
             written.term("D", f"{values['damping']}/2*{rate}^2", key)
         if "armature" in values:
             written.term("T", f"{values['armature']}/2*{rate}^2", key)
-        declared = f"{key.declared}.{joint.quantity}"
-        if action in joint.keys:
-            text = joint.expression(action, joint.keys[action][1])
+        declared = f"{key.declared}.{quantity}"
+        if action in keys:
+            text = joint.expression(prefix + action, keys[action][1])
             written.add("Q", declared, text, key.node, joint.inlined)
         if "friction" in values:
-            joint.row("friction", f"{rate} = 0", limit=values["friction"])
+            joint.row(f"{prefix}friction", f"{rate} = 0", limit=values["friction"])
         impact = {"restitution": values["restitution"]} if "restitution" in values else {}
         for end, sign in (("min", ">="), ("max", "<=")):
             if end in values:
-                joint.row(end, f"{q} {sign} {values[end]}", **impact)
-        self._explicit(joint)
+                joint.row(f"{prefix}{end}", f"{q} {sign} {values[end]}", **impact)
+        self._explicit(joint, quantity)
 
-    def _explicit(self, joint: MachineJoint) -> None:
+    def _explicit(self, joint: MachineJoint, quantity: str) -> None:
         """Make a coordinate of the model of a joint's, where the start prescribes its value."""
         key = joint.key
-        names = {f"{key.base}.{joint.quantity}", f"{key.base}[].{joint.quantity}"}
+        names = {f"{key.base}.{quantity}", f"{key.base}[].{quantity}"}
         if names.isdisjoint(self.fixed) or (pinned(joint) and not key.index):
             return
-        declared = f"{key.declared}.{joint.quantity}"
+        declared = f"{key.declared}.{quantity}"
+        if declared in self.written.blocks["coordinates"]:
+            return
         place, node = self.written.blocks["definitions"].pop(declared)
         assert isinstance(node, Scalar)
-        unit = "rad" if joint.quantity == "angle" else "m"
+        unit = "rad" if quantity == "angle" else "m"
         self.written.add("coordinates", declared, unit, place)
-        joint.row("q", f"{node.value} = {joint.q}")
+        joint.row("q", f"{node.value} = {key.name}.{quantity}")
 
 
 def pinned(joint: MachineJoint) -> str | None:
     """Return the coordinate of a body that the angle of a pin on the ground is; else None."""
-    if joint.kind.name == "revolute" and joint.bodies[0].fixed and joint.quantity:
+    planar = joint.kind.dimension == 2
+    if planar and joint.kind.name == "revolute" and joint.bodies[0].fixed and joint.quantity:
         return f"{joint.second.name}.phi"
     return None

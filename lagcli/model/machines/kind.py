@@ -12,6 +12,7 @@ from lagcli.model.yaml.source import Scalar, YamlNode
 
 if TYPE_CHECKING:
     from lagcli.model.machines.bodies import Body
+    from lagcli.model.machines.frames import Basis
 
 Nodes = Mapping[str, tuple[Scalar, YamlNode]]
 
@@ -33,8 +34,16 @@ class MachineJoint:
     joints : tuple of MachineJoint
     quantity : str
         ``angle`` or ``position``: its coordinate q is `NAME.angle`.
+    quantities : list of str
+        Both, of a cylindrical joint; of others none or `quantity`.
     rows : list of str
         Names of its constraints, which those of its multipliers begin with.
+    axes : pair of Basis
+        In space: its axes in the frames of the bodies.
+    measured : bool
+        In space: whether its angle is used, and thus a coordinate of the model.
+    size : str
+        In space: the pitch of a screw, or the radius of a disc that rolls.
     """
 
     key: Key
@@ -46,9 +55,13 @@ class MachineJoint:
     bodies: tuple[Body, ...] = ()
     joints: tuple[MachineJoint, ...] = ()
     quantity: str = ""
+    quantities: list[str] = field(default_factory=list)
     rows: list[str] = field(default_factory=list)
     inlined: list[Scalar] = field(default_factory=list)
     direction: tuple[str, str] = ("0", "0")
+    axes: tuple[Basis, Basis] = ()  # type: ignore[assignment]
+    measured: bool = False
+    size: str = "0"
 
     @property
     def title(self) -> str:
@@ -110,12 +123,12 @@ class MachineJoint:
         reference, body = (self.first, self.second)[side], self.bodies[side]
         if reference.point:
             return f"{reference.name}.{reference.point}"
-        return "[0, 0]" if body.fixed else f"[{reference.name}.x, {reference.name}.y]"
+        return body.center(reference.name)
 
     def distance(self) -> str:
         """Return the vector from the first point to the second."""
         first, second = self.point(0), self.point(1)
-        return second if first == "[0, 0]" else f"{second} - {first}"
+        return second if first in ("[0, 0]", "[0, 0, 0]") else f"{second} - {first}"
 
     def speed(self, side: int) -> str:
         """Return the velocity of the point of a body; empty for the ground."""
@@ -124,7 +137,20 @@ class MachineJoint:
             return ""
         if reference.point:
             return f"{reference.name}.{reference.point}'"
-        return f"[{reference.name}.x', {reference.name}.y']"
+        return body.velocity(reference.name)
+
+    def rotation(self, side: int) -> str:
+        """Return the rotation of a body in space; empty for the ground."""
+        reference, body = (self.first, self.second)[side], self.bodies[side]
+        if body.fixed:
+            return ""
+        if not body.turns:
+            self.fault(
+                "missing-value",
+                f"{self.title} turns the body `{reference.name}`, which has no inertia",
+                f"write `{reference.base}: {{mass: …, inertia: [0.02, 0.03, 0.04]}}`, or a `shape`",
+            )
+        return f"{reference.name}.e"
 
     def approach(self) -> str:
         """Return the velocity of the second point minus that of the first; empty if both rest."""
@@ -181,8 +207,18 @@ class MachineJoint:
     def coordinate(self, quantity: str, text: str) -> None:
         """Define the joint's coordinate q, `JOINT.angle` or `JOINT.position`."""
         self.quantity = quantity
+        self.quantities.append(quantity)
         self.written.add(
             "definitions", f"{self.key.declared}.{quantity}", text, self.key.node, self.inlined
+        )
+
+    def free(self, quantity: str) -> None:
+        """Declare the joint's coordinate q as one of the model."""
+        self.quantity = quantity
+        self.quantities.append(quantity)
+        declared = f"{self.key.declared}.{quantity}"
+        self.written.add(
+            "coordinates", declared, "rad" if quantity == "angle" else "m", self.key.node
         )
 
     @property
@@ -218,6 +254,8 @@ class JointKind(NamedTuple):
         Whether its coordinate may have a spring, a damper, a stop.
     example, rows, multipliers : str
         For the documentation.
+    dimension : int
+        That of the space in which the kind exists; 2 also for couplings of joints, in both.
     """
 
     name: str
@@ -228,6 +266,7 @@ class JointKind(NamedTuple):
     example: str
     rows: str
     multipliers: str
+    dimension: int = 2
 
     @property
     def what(self) -> str:

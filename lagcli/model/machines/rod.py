@@ -19,3 +19,4 @@ ROD = JointKind(
     "|P_B − P_A| = length",
     "force along the rod; positive pushes the points apart",
 )
+ROD_IN_SPACE = ROD._replace(dimension=3)

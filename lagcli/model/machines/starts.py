@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import symengine as se
 
@@ -25,7 +25,7 @@ from lagcli.model.sections.initial import given_values
 from lagcli.model.yaml.source import Derived, Scalar, YamlNode
 from lagcli.model.yaml.source import Mapping as MappingNode
 
-Point = tuple[float, float]
+Point = tuple[float, ...]
 #: Kinds of joints that determine where the second body is, given the first.
 _PLACING = ("revolute", "fixed", "prismatic", "slot", "rod")
 
@@ -43,7 +43,7 @@ class Pose(NamedTuple):
         return self.x + c * local[0] - s * local[1], self.y + s * local[0] + c * local[1]
 
 
-class _SingleJoint(NamedTuple):
+class SingleJoint(NamedTuple):
     """A joint between two single bodies."""
 
     joint: MachineJoint
@@ -62,6 +62,11 @@ class Machine:
     bodies : Bodies
     joints : Joints
     """
+
+    origin: Any = Pose(0.0, 0.0, 0.0)
+    placing: tuple[str, ...] = _PLACING
+    #: Initial values that place a body, after its name.
+    example = ("x: 0", "y: 0")
 
     def __init__(self, written: MachineEntries, bodies: Bodies, joints: Joints):
         self.written, self.bodies, self.joints = written, bodies, joints
@@ -86,17 +91,8 @@ class Machine:
         self._check(draft, poses, values)
         for name in draft.names.coordinates:
             base = re.split(r"[.\[]", name)[0]
-            if base not in self.own or "." not in name:
-                continue
-            stem, _, part = name.rpartition(".")
-            place = self._place_of(base)
-            pose = poses.get(stem, Pose(0.0, 0.0, 0.0))
-            guess = {"x": pose.x, "y": pose.y, "phi": pose.angle}.get(part)
-            if guess is None:
-                guess = self._between(stem, part, poses)
-            for target, value in ((name, guess), (f"{name}'", 0.0)):
-                if target not in values:
-                    self.written.guess(target, repr(value).removesuffix(".0"), place)
+            if base in self.own and "." in name:
+                self._guess(name, self._place_of(base), poses, values)
         added = self.written.blocks["initial"]
         if added:
             place = next(iter(added.values()))[0]
@@ -111,6 +107,19 @@ class Machine:
                 entries = {**own, **{n: e for n, e in added.items() if n not in own}}
                 made = MappingNode(node.source, node.start, node.end, entries)
                 draft.root.entries["initial"] = (key, made)
+
+    def _guess(
+        self, name: str, place: Scalar, poses: Mapping[str, Any], values: Mapping[str, float]
+    ) -> None:
+        """Write the guesses for a coordinate and its velocity, where the file gives no values."""
+        stem, _, part = name.rpartition(".")
+        pose = poses.get(stem, self.origin)
+        guess = {"x": pose.x, "y": pose.y, "phi": pose.angle}.get(part)
+        if guess is None:
+            guess = self._between(stem, part, poses)
+        for target, value in ((name, guess), (f"{name}'", 0.0)):
+            if target not in values:
+                self.written.guess(target, repr(value).removesuffix(".0"), place)
 
     def _place_of(self, base: str) -> Scalar:
         if base in self.bodies.by_base:
@@ -144,8 +153,8 @@ class Machine:
         except (RuntimeError, TypeError, ValueError):
             raise ValueError(text) from None
 
-    def _point(self, text: tuple[str, str], indices: Mapping[str, int]) -> Point:
-        return self.number(text[0], indices), self.number(text[1], indices)
+    def _point(self, text: tuple[str, ...], indices: Mapping[str, int]) -> Point:
+        return tuple(self.number(component, indices) for component in text)
 
     def _span(self, key_index: str, span: str) -> Iterator[dict[str, int]]:
         """Yield the values of the index of a family; one empty mapping for a single name."""
@@ -159,9 +168,9 @@ class Machine:
     def _name(self, base: str, index: str, indices: Mapping[str, int]) -> str:
         return f"{base}[{round(self.number(index, indices))}]" if index else base
 
-    def _links(self) -> Iterator[_SingleJoint]:
+    def _links(self) -> Iterator[SingleJoint]:
         for joint in self.joints.by_base.values():
-            if joint.kind.name not in _PLACING:
+            if joint.kind.name not in self.placing:
                 continue
             key = joint.key
             for indices in self._span(key.index, key.span):
@@ -174,11 +183,11 @@ class Machine:
                 if key.index or key.span:
                     own = self._name(key.base, key.index or key.span, indices)
                 (one, p), (two, q) = sides
-                yield _SingleJoint(joint, (one, two), (p, q), indices, own)
+                yield SingleJoint(joint, (one, two), (p, q), indices, own)
 
     def _local(self, reference: Reference, body: Body, name: str) -> Point:
         if not reference.point:
-            return 0.0, 0.0
+            return (0.0,) * self.bodies.dimension
         found = [b for b in self.bodies.by_base[reference.base] if reference.point in b.points]
         body = body if reference.point in body.points else found[0]
         indices = {}
@@ -188,9 +197,9 @@ class Machine:
 
     # placing
 
-    def _placed(self, values: Mapping[str, float]) -> dict[str, Pose]:
+    def _placed(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Return the poses of the bodies that joints and values determine."""
-        poses = {"ground": Pose(0.0, 0.0, 0.0)}
+        poses = {"ground": self.origin}
         try:
             links = list(self._links())
             given = self._joint_values()
@@ -214,7 +223,7 @@ class Machine:
             try:
                 poses[name] = self._next(link, poses, forward, values, given)
             except ValueError:
-                poses[name] = Pose(0.0, 0.0, values.get(f"{name}.phi", 0.0))
+                poses[name] = self.origin
         for body in self.bodies:
             try:
                 every = list(self._span(body.key.index, body.key.span))
@@ -224,26 +233,29 @@ class Machine:
                 name = body.key.base
                 if body.key.span:
                     name = self._name(name, body.key.index or body.key.span, indices)
-                start = poses.get(name, Pose(0.0, 0.0, 0.0))
-                x, y, phi = (values.get(f"{name}.{c}") for c in ("x", "y", "phi"))
-                poses[name] = Pose(
-                    start.x if x is None else x,
-                    start.y if y is None else y,
-                    start.angle if phi is None else phi,
-                )
+                poses[name] = self._given_pose(name, poses.get(name, self.origin), values)
         return poses
+
+    def _given_pose(self, name: str, start: Any, values: Mapping[str, float]) -> Any:
+        """Return the pose of a body, with the values that the file gives."""
+        x, y, phi = (values.get(f"{name}.{c}") for c in ("x", "y", "phi"))
+        return Pose(
+            start.x if x is None else x,
+            start.y if y is None else y,
+            start.angle if phi is None else phi,
+        )
 
     def _joint_values(self) -> dict[str, float]:
         """Return the given coordinates of joints, and those of drives at t = 0."""
         found: dict[str, float] = {}
         for joint in self.joints.by_base.values():
             if joint.kind.name == "drive" and "speed" not in joint.keys:
-                (driven,) = joint.joints
+                part = "angle" if "angle" in joint.keys else "position"
                 for indices in self._span(joint.key.index, joint.key.span):
-                    text = joint.keys[driven.quantity][1]
+                    text = joint.keys[part][1]
                     assert isinstance(text, Scalar)
                     own, index = joint.first.base, joint.first.index[1:-1]
-                    name = f"{self._name(own, index, indices)}.{driven.quantity}"
+                    name = f"{self._name(own, index, indices)}.{part}"
                     value = self._value(text, indices)
                     if value is not None:
                         found[name] = value
@@ -251,7 +263,7 @@ class Machine:
             stem, _, part = name.strip().rpartition(".")
             read = read_key(Derived(stem, key.location, key), "i_") if part else None
             named = self.joints.by_base.get(read.base) if read else None
-            if read is None or named is None or part != named.quantity:
+            if read is None or named is None or part not in named.quantities:
                 continue
             value_node: YamlNode = node
             if isinstance(node, MappingNode) and "guess" in node.entries:
@@ -278,12 +290,12 @@ class Machine:
 
     def _next(
         self,
-        link: _SingleJoint,
-        poses: Mapping[str, Pose],
+        link: SingleJoint,
+        poses: Mapping[str, Any],
         forward: bool,
         values: Mapping[str, float],
         given: Mapping[str, float],
-    ) -> Pose:
+    ) -> Any:
         """Return the pose of a body beside one that is placed."""
         joint, name = link.joint, link.names[int(forward)]
         placed = poses[link.names[1 - int(forward)]]
@@ -306,7 +318,7 @@ class Machine:
         dx, dy = Pose(0.0, 0.0, angle).at(own)
         return Pose(at[0] - dx, at[1] - dy, angle)
 
-    def _between(self, stem: str, part: str, poses: Mapping[str, Pose]) -> float:
+    def _between(self, stem: str, part: str, poses: Mapping[str, Any]) -> float:
         """Return the coordinate of a joint between placed bodies."""
         try:
             link = next(x for x in self._links() if x.name == stem)
@@ -322,7 +334,7 @@ class Machine:
 
     # checks
 
-    def _check(self, draft: Draft, poses: Mapping[str, Pose], values: Mapping[str, float]) -> None:
+    def _check(self, draft: Draft, poses: Mapping[str, Any], values: Mapping[str, float]) -> None:
         """Report bodies that nothing holds, stops in wrong order, and wheels that do not meet."""
         held = {"ground"}
         joints = [j for j in self.joints.by_base.values() if j.kind.connects == "bodies"]
@@ -344,8 +356,9 @@ class Machine:
                     f"no joint connects the body `{shown}` with the ground, and it has no initial"
                     " values",
                     body.key.node.location,
-                    f"add a joint, or values such as `initial: {{{body.key.name}.x: 0,"
-                    f" {body.key.name}.y: 0}}`",
+                    "add a joint, or values such as `initial: {"
+                    + ", ".join(f"{body.key.name}.{value}" for value in self.example)
+                    + "}`",
                 )
         for joint in self.joints.by_base.values():
             self._check_stops(draft, joint)

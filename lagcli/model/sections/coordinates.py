@@ -242,7 +242,7 @@ def declare(
     plain = {d.family for d, _ in located if not d.kind}
     for d, _ in sorted(located, key=lambda item: bool(item[0].kind)):
         enter(d.family, "coordinate", d.key.location)
-        whole = d.family.removesuffix(d.part)
+        whole = d.family.rpartition(".")[0]
         if d.kind and whole not in places:
             enter(whole, "coordinate", d.key.location)
         elif d.kind and whole in plain:
@@ -305,7 +305,8 @@ def expand_coordinates(
 def _named(coordinate: Coordinate, member: Member, with_units: bool) -> Coordinate:
     """Return a coordinate as the member of its family, or the component of a vector."""
     latex, kind, unit = coordinate.latex, member.declaration.kind, coordinate.unit
-    below = [*map(str, indices_of(member.name)), *([member.declaration.part[1:]] if kind else [])]
+    own = member.declaration.part.rpartition(".")[2]
+    below = [*map(str, indices_of(member.name)), *([own] if kind else [])]
     if below and latex:
         base = f"{{{latex}}}" if set("_^") & set(latex) else latex
         latex = f"{base}_{{{','.join(below)}}}"
@@ -367,7 +368,8 @@ _INDICES = ("#i", "#j")  # no name of the grammar begins with #
 
 def components(declared: Declaration, kind: str) -> list[Declaration]:
     """Return the coordinates of a vector or rotation."""
-    return [declared._replace(part=f".{part}", kind=kind) for part in KINDS[kind].parts]
+    stem = declared.part
+    return [declared._replace(part=f"{stem}.{part}", kind=kind) for part in KINDS[kind].parts]
 
 
 def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
@@ -380,13 +382,14 @@ def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
         if d.kind:
             spans = (span for _, span in d.spans)
             named = tuple(zip(_INDICES, spans, strict=False))
-            definitions.setdefault(id(d.key), d._replace(part="", node=d.key, spans=named))
+            stem = d.part.rpartition(".")[0]
+            definitions.setdefault(id(d.key), d._replace(part=stem, node=d.key, spans=named))
     return list(definitions.values())
 
 
 def constraints_of(definitions: Iterable[Declaration]) -> list[Declaration]:
     """Return the declarations of the constraints that normalize quaternions."""
-    return [d._replace(part=".unit") for d in definitions if d.kind == "quaternion"]
+    return [d._replace(part=f"{d.part}.unit") for d in definitions if d.kind == "quaternion"]
 
 
 def value_of(definition: Declaration) -> Tree:
@@ -402,7 +405,8 @@ def unit_length(constraint: Declaration) -> tuple[Tree, Tree]:
     """Return the sides of ``e.0^2 + e.1^2 + e.2^2 + e.3^2 = 1``."""
     place = (0, len(constraint.key.value))
     two = NumberExpr(*place, Fraction(2))
-    squares = tuple((1, PowerExpr(*place, part, two)) for part in _components(constraint))
+    own = constraint._replace(part=constraint.part.removesuffix(".unit"))
+    squares = tuple((1, PowerExpr(*place, part, two)) for part in _components(own))
     return SumExpr(*place, squares), NumberExpr(*place, Fraction(1))
 
 
@@ -411,4 +415,4 @@ def _components(d: Declaration) -> Iterable[Tree]:
     indices = tuple(Name(*place, index, 0) for index in d.indices)
     brackets = BRACKETS.get(len(d.spans), "")
     for part in KINDS[d.kind].parts:
-        yield Name(*place, f"{d.name}{brackets}.{part}", 0, indices)
+        yield Name(*place, f"{d.name}{brackets}{d.part}.{part}", 0, indices)

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from lagcli.columns import unit_quotient
 from lagcli.errors import SourceLocation
-from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import decimal, is_number, without_dots
 from lagcli.model.expression.trees import (
@@ -632,7 +631,8 @@ def _readers(
     parts = [part._replace(kind=kind) for part in components(declaration, kind)]
     for member in members:
         for d in parts:
-            yield Member(member.name + d.part, d, member.indices), reader
+            part = d.part.rpartition(".")[2]
+            yield Member(f"{member.name}.{part}", d, member.indices), reader
 
 
 def _declaration(draft: Draft, name: str, key: Scalar, node: YamlNode) -> Declaration | None:
@@ -658,11 +658,12 @@ def _declaration(draft: Draft, name: str, key: Scalar, node: YamlNode) -> Declar
 def _named(draft: Draft, canonical: str, key: Scalar, node: YamlNode) -> Declaration:
     """Return the declaration of a single name, such as ``r``, ``r.x'`` or ``x[1]``."""
     base = canonical.removesuffix("'")
-    spans: tuple[Span, ...] = ()
-    if "[" in base and family_of(base) in draft.names.kinds:
-        spans = tuple((None, NumberExpr(0, 0, Fraction(k))) for k in indices_of(base))
-        base = base.partition("[")[0]
-    return Declaration(base, key, node, spans, primes=len(canonical.rstrip("'")) < len(canonical))
+    primed = len(canonical.rstrip("'")) < len(canonical)
+    if "[" not in base or family_of(base) not in draft.names.kinds:
+        return Declaration(base, key, node, primes=primed)
+    spans = tuple((None, NumberExpr(0, 0, Fraction(k))) for k in indices_of(base))
+    stem, part = base.partition("[")[0], base.rpartition("]")[2]
+    return Declaration(stem, key, node, spans, primed, part)
 
 
 def _is_coordinate(draft: Draft, d: Declaration) -> bool:

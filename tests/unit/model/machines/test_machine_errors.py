@@ -21,7 +21,7 @@ CASES = {
     "unknown body": ("  X: revolute(crnk.b, wheel)", "unknown-name", "crnk", "crank"),
     "unknown point": ("  X: revolute(crank.c, wheel)", "unknown-name", "`c`", "`a`, `b`"),
     "unknown kind": ("  X: revolut(crank.b, wheel)", "unknown-kind", "revolut", "revolute"),
-    "kind in space": ("  X: spherical(crank.b, wheel)", "unknown-kind", "space", "planar"),
+    "kind in space": ("  X: spherical(crank.b, wheel)", "unknown-kind", "space", "dimension: 3"),
     "unknown key": ("  X: revolute(crank.b, wheel, dampin=1)", "unknown-key", "dampin", "damping"),
     "one body": ("  X: revolute(crank.b)", "wrong-arguments", "not 1", "revolute("),
     "itself": ("  X: revolute(crank.a, crank.b)", "contradiction", "itself", "different"),
@@ -79,8 +79,8 @@ CASES = {
     "force of a coordinate": ("forces:\n  crank.x: 3", "bad-name", "crank.x", "name"),
     "initial": ("initial: {O.position: 1}", "unknown-name", "angle", "O.angle"),
     "declared twice": ("parameters: {crank.mass: 3}", "duplicate-name", "crank.mass", "rename"),
-    "gravity": ("gravity: [0, 0, -9.81]", "shape", "gravity", "-9.81 m/s^2"),
-    "dimension": ("dimension: 3", "wrong-value", "planar", "body("),
+    "gravity": ("dimension: 2\ngravity: [0, 0, -9.81]", "shape", "gravity", "-9.81 m/s^2"),
+    "dimension": ("dimension: 4", "wrong-value", "4", "dimension: 3"),
     "L": ("L: 1", "contradiction", "`L`", "`T`"),
 }
 
@@ -107,9 +107,16 @@ def test_errors_of_joints(case: str) -> None:
         ("crank: {mass: 0, length: 1}", "wrong-value", "mass", "rod"),
         ("crank: {mass: 1, size: 2}", "unknown-key", "size", "mass"),
         ("crank: 3", "wrong-type", "mapping", "mass"),
-        ("crank: {mass: 1, inertia: [1, 2, 3]}", "wrong-type", "list", "moment of inertia"),
+        (
+            "crank: {mass: 1, inertia: [1, 2, 3]}\ndimension: 2",
+            *("wrong-type", "list", "moment of inertia"),
+        ),
+        ("crank: {mass: 1, shape: sphere(1)}", "wrong-value", "planar", "dimension: 3"),
         ("crank: {mass: 1, inertia: 1, points: {phi: [1, 0]}}", "reserved-name", "phi", "another"),
-        ("crank: {mass: 1, inertia: 1, points: {P: [1, 0, 0]}}", "shape", "a list of 3", "planar"),
+        (
+            "crank: {mass: 1, inertia: 1, points: {P: [1, 0, 0]}}\ndimension: 2",
+            *("shape", "a list of 3", "dimension: 3"),
+        ),
         ("crank: {mass: 1, points: {P: [1, 0]}}", "missing-value", "no inertia", "inertia"),
         ("lambda: {mass: 1}", "bad-name", "lambda", "letter"),
         ("crank: {mass: 1, length: 2}", "missing-initial", "no joint", "initial"),
