@@ -354,7 +354,7 @@ def _model(
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
     if machine is not None:
-        machine.place(draft)
+        machine.place(draft, initial_overrides)
     positions, velocities, spins, given = read_initial(draft, initial_overrides)
     outputs, output_units = read_outputs(draft)
     draft.outputs = smooth.of_forces(outputs)
