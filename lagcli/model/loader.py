@@ -457,6 +457,10 @@ def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
     return declarations(draft, entries or [], what)
 
 
+def _has(key: str) -> keys.JsonSchema:
+    return {"required": [key]}
+
+
 def json_schema() -> keys.JsonSchema:
     """Return the JSON Schema of model files."""
     settings = {
@@ -470,10 +474,11 @@ def json_schema() -> keys.JsonSchema:
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Model file of lagcli",
-        **MODEL,
+        **{key: value for key, value in MODEL.items() if key != "required"},
         "properties": properties,
         "oneOf": [
-            {"required": ["T"], "not": {"required": ["L"]}},
-            {"required": ["L"], "not": {"anyOf": [{"required": ["T"]}, {"required": ["V"]}]}},
+            {"required": ["bodies"], "not": {"required": ["L"]}},
+            {"required": ["coordinates", "T"], "not": {"anyOf": [_has("L"), _has("bodies")]}},
+            {"required": ["coordinates", "L"], "not": {"anyOf": [_has("T"), _has("V")]}},
         ],
     }
