@@ -358,7 +358,7 @@ def _model(
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
     if machine is not None:
-        machine.place(draft)
+        machine.place(draft, initial_overrides)
     positions, velocities, spins, given = read_initial(draft, initial_overrides)
     outputs, output_units = read_outputs(draft)
     draft.outputs = smooth.of_forces(outputs)
@@ -461,6 +461,10 @@ def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
     return declarations(draft, entries or [], what)
 
 
+def _has(key: str) -> keys.JsonSchema:
+    return {"required": [key]}
+
+
 def json_schema() -> keys.JsonSchema:
     """Return the JSON Schema of model files."""
     settings = {
@@ -474,10 +478,11 @@ def json_schema() -> keys.JsonSchema:
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Model file of lagcli",
-        **MODEL,
+        **{key: value for key, value in MODEL.items() if key != "required"},
         "properties": properties,
         "oneOf": [
-            {"required": ["T"], "not": {"required": ["L"]}},
-            {"required": ["L"], "not": {"anyOf": [{"required": ["T"]}, {"required": ["V"]}]}},
+            {"required": ["bodies"], "not": {"required": ["L"]}},
+            {"required": ["coordinates", "T"], "not": {"anyOf": [_has("L"), _has("bodies")]}},
+            {"required": ["coordinates", "L"], "not": {"anyOf": [_has("T"), _has("V")]}},
         ],
     }

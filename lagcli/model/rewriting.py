@@ -16,8 +16,8 @@ from lagcli.model.names.draft import unit_of
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.initial import GUESS
 from lagcli.model.yaml.composing import compose
+from lagcli.model.yaml.source import Derived, Position, Scalar, Sequence, Source, YamlNode
 from lagcli.model.yaml.source import Mapping as MappingNode
-from lagcli.model.yaml.source import Position, Scalar, Sequence, Source, YamlNode
 
 #: Text that needs no quotes in YAML.
 _PLAIN = re.compile(r"[-+]?[\w.(][\w.+*/^()' °µ-]*")
@@ -130,7 +130,7 @@ def _canonical_names(model: Model, overrides: Mapping[str, str]) -> dict[str, st
     """Return values by the names that the model uses: ``x_dot`` becomes ``x'``."""
     names = {}
     for name, value in overrides.items():
-        plain = "".join(name.split())
+        plain = model.names.unaliased("".join(name.split()))
         if plain not in model.parameters and (match := re.fullmatch(r"(.+)_dot(\[.*\])?", plain)):
             plain = f"{match[1]}{match[2] or ''}'"
         names[plain] = value
@@ -156,6 +156,7 @@ class _Rewriter:
     def __init__(self, source: Source, root: MappingNode):
         self.source, self.root = source, root
         self.changes: list[tuple[int, int, str]] = []
+        self.added: dict[str, list[str]] = {}
         self.lines = _line_starts(source)
 
     def text(self) -> str:
@@ -163,6 +164,9 @@ class _Rewriter:
         text = self.source.text
         for start, end, new in sorted(self.changes, key=lambda c: c[:2])[::-1]:
             text = text[:start] + new + text[end:]
+        for block, entries in self.added.items():
+            newline = "" if text.endswith("\n") else "\n"
+            text += f"{newline}{block}: {{{', '.join(entries)}}}\n"
         return text
 
     def offset(self, position: Position) -> int:
@@ -182,14 +186,18 @@ class _Rewriter:
         in_place: bool,
     ) -> None:
         """Replace a value, or insert an entry after one that declares several members."""
-        mapping = self.root.entries[block][1]
-        assert isinstance(mapping, MappingNode)
-        key, entry, node, within = next(
+        mapping = self.root.entries[block][1] if block in self.root.entries else None
+        found = [
             (key, entry, node, within)
-            for _, key, entry in mapping
+            for _, key, entry in (mapping if isinstance(mapping, MappingNode) else ())
             for node, within in _values(entry)
             if node.location == location
-        )
+        ]
+        if not found:
+            self.write_in_machine(block, name, value_text, location, in_place)
+            return
+        assert isinstance(mapping, MappingNode)
+        key, entry, node, within = found[0]
         value_text = _with_unit(value_text, node)
         if not in_place or within:
             self.insert(mapping, key, entry, f"{name}: {_quoted(value_text)}")
@@ -199,6 +207,35 @@ class _Rewriter:
             unit = entry.entries["unit"][1]
             value_text = _without(value_text, unit, value)
         self.replace(node, _quoted(value_text))
+
+    def write_in_machine(
+        self, block: str, name: str, value_text: str, location: SourceLocation, in_place: bool
+    ) -> None:
+        """Replace a value in a body, joint or force; add one that follows from others."""
+        if block == "initial":  # of a body that its joints place
+            self.write_entry(block, name, _quoted(value_text))
+            return
+        for key, holder, node in _nodes_of_machine(self.root):
+            place = node.location
+            if place == location and node is key:  # as of the inertia of a rod
+                field = name.rpartition(".")[2]
+                if not isinstance(holder, MappingNode) or not holder.entries:
+                    raise _not_written([name])
+                last_key, last = list(holder.entries.values())[-1]
+                self.insert(holder, last_key, last, f"{field}: {_quoted(value_text)}")
+                return
+            if not in_place or node is key:
+                continue
+            if place == location:
+                self.replace(node, _quoted(_with_unit(value_text, node)))
+                return
+            if isinstance(node, Scalar) and _within(location, place):  # an argument of a call
+                start = self.offset((location.line - 1, location.column - 1))
+                end = start + location.length
+                part = Derived(self.source.text[start:end], location, node)
+                self.changes.append((start, end, _with_unit(value_text, part)))
+                return
+        raise _not_written([name])
 
     def write_vector(self, block: str, name: str, value_text: str) -> None:
         """Replace the value of a vector or rotation that has its own entry."""
@@ -216,11 +253,7 @@ class _Rewriter:
             key, last = list(node.entries.values())[-1]
             self.insert(node, key, last, f"{name}: {value_text}")
         elif node is None:
-            text = self.source.text
-            newline = "" if text.endswith("\n") else "\n"
-            self.changes.append(
-                (len(text), len(text), f"{newline}{block}: {{{name}: {value_text}}}\n")
-            )
+            self.added.setdefault(block, []).append(f"{name}: {value_text}")
         else:
             self.replace(node, f"{{{name}: {value_text}}}")
 
@@ -275,6 +308,42 @@ def _values(entry: YamlNode) -> Iterator[tuple[YamlNode, bool]]:
             stack += [(item, within) for item in node.items]
         if node is not entry:
             yield node, within
+
+
+def _nodes_of_machine(root: MappingNode) -> Iterator[tuple[Scalar, YamlNode, YamlNode]]:
+    """Yield the nodes of bodies, joints, forces and gravity, each with the key and value around.
+
+    The key is first among them.
+    """
+    for block in ("gravity", "bodies", "joints", "forces"):
+        if block not in root.entries:
+            continue
+        block_key, block_node = root.entries[block]
+        entries = (
+            block_node.entries.values()
+            if isinstance(block_node, MappingNode)
+            else [(block_key, block_node)]
+        )
+        for key, value in entries:
+            yield key, value, key
+            stack = [value]
+            while stack:
+                node = stack.pop()
+                yield key, value, node
+                if isinstance(node, MappingNode):
+                    stack += [x for _, x in node.entries.values()]
+                elif isinstance(node, Sequence):
+                    stack += node.items
+
+
+def _within(location: SourceLocation, place: SourceLocation) -> bool:
+    """Whether a span is part of another on one line."""
+    first, last = place.column, place.column + place.length
+    return (
+        location.line == place.line
+        and first <= location.column
+        and location.column + location.length <= last
+    )
 
 
 def _quoted(text: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -28,6 +30,7 @@ from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError, check_argument
+from lagcli.model.expression.dimension import ANGLE, Dimension
 from lagcli.model.model import RATE, InitialValue, Model, velocity
 from lagcli.model.names.members import families
 from lagcli.settings.settings import DEFAULTS
@@ -266,17 +269,11 @@ def _undefined_start(equations: Equations, state: State) -> NumericalError:
 
 
 def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
-    shown = sorted(error.violations, key=lambda x: -x.relative)[:_SHOWN]
-    lines = [
-        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its scale)"
-        for x in error.violations
-        if x in shown
-    ]
-    if len(lines) < len(error.violations):
-        lines.append(f"  and {len(error.violations) - len(lines)} with less")
-    residuals = "\n".join(lines)
-    names = ", ".join(f"`{x}`" for x in families(x.constraint for x in error.violations))
-    plural = "s" if len(error.violations) > 1 else ""
+    gaps = _gaps(model, error)
+    residuals, named = _residuals(error) if gaps is None else gaps
+    what = "constraint" if gaps is None else "joint"
+    names = ", ".join(f"`{x}`" for x in families(named))
+    plural = "s" if len(named) > 1 else ""
     first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
     kinds = {c.name: c.kind for c in model.constraints}
     holonomic = any(kinds[x.constraint] == "holonomic" for x in error.violations)
@@ -296,7 +293,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             [
                 Diagnostic(
                     "inconsistent-start",
-                    f"the fixed initial values violate the constraint{plural} {names}{level}\n"
+                    f"the fixed initial values violate the {what}{plural} {names}{level}\n"
                     + residuals,
                     entry.location,
                     f"free {_one_of(error.stuck)}, for instance {example}",
@@ -308,7 +305,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             [
                 Diagnostic(
                     "contradicting-constraints",
-                    f"no initial values satisfy the constraint{plural} {names}{level}: they"
+                    f"no initial values satisfy the {what}{plural} {names}{level}: they"
                     " contradict"
                     f" each other near the guesses\n{residuals}",
                     first.location,
@@ -320,13 +317,66 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
         Diagnostic(
             "no-start",
             "no consistent initial state was found near the guesses: the"
-            f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
+            f" {what}{plural} {names}{level} do{'' if plural else 'es'} not"
+            f" {'hold' if gaps is None else 'close'}\n{residuals}",
             first.location,
             "give guesses nearer to a solution"
             + (f", or free {_one_of(error.stuck)}" if error.stuck else "")
             + ("; check that the constraints do not contradict each other" if plural else ""),
         )
     )
+
+
+def _residuals(error: NoConsistentState) -> tuple[str, list[str]]:
+    """Return the residuals of violated constraints as lines, and the constraints."""
+    shown = sorted(error.violations, key=lambda x: -x.relative)[:_SHOWN]
+    lines = [
+        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its scale)"
+        for x in error.violations
+        if x in shown
+    ]
+    if len(lines) < len(error.violations):
+        lines.append(f"  and {len(error.violations) - len(lines)} with less")
+    return "\n".join(lines), [x.constraint for x in error.violations]
+
+
+def _gaps(model: Model, error: NoConsistentState) -> tuple[str, list[str]] | None:
+    """Return the gaps of a machine's joints as lines, the largest first, and the joints.
+
+    None unless all violated constraints are those of positions and angles of joints.
+    """
+    lengths: dict[str, float] = {}
+    angles: dict[str, float] = {}
+    for x in error.violations:
+        base = re.split(r"[.\[]", x.constraint)[0]
+        dimension = model.units.constraints.get(x.constraint)
+        if (
+            base not in model.names.joints
+            or not isinstance(dimension, Dimension)
+            or error.level != "position"
+        ):
+            return None
+        joint = x.constraint
+        if "." in joint:
+            joint = joint.rpartition(".")[0]
+        table = {Dimension(m=1): lengths, ANGLE: angles}.get(dimension)
+        if table is None:
+            return None
+        table[joint] = math.hypot(table.get(joint, 0.0), x.residual)
+    least = 1e-3 * max([*lengths.values(), 0.0]), 1e-3 * max([*angles.values(), 0.0])
+    lines = [
+        f"  {joint}: {1e3 * gap:.3g} mm"
+        for joint, gap in sorted(lengths.items(), key=lambda x: -x[1])
+        if gap >= least[0]
+    ]
+    lines += [
+        f"  {joint}: {math.degrees(gap):.3g}°"
+        for joint, gap in sorted(angles.items(), key=lambda x: -x[1])
+        if gap >= least[1]
+    ]
+    if len(lines) > _SHOWN:
+        lines = [*lines[:_SHOWN], f"  and {len(lines) - _SHOWN} with less"]
+    return "\n".join(lines), list(dict.fromkeys([*lengths, *angles]))
 
 
 def _one_of(names: Sequence[str]) -> str:

@@ -153,16 +153,19 @@ class Variants:
         """Return whether `values` supports these parameters and initial values.
 
         Not structural parameters, nor those that the settings depend on: their values give
-        different kinds of runs.
+        different kinds of runs. Nor those from which the bodies of a machine are placed.
 
         Parameters
         ----------
         names : sequence of str
             Names of parameters, coordinates and velocities (``phi'``) in the model.
         """
-        needs = {family_of(name) for name in self.model.settings_need}
+        model, placing = self.model, self.model.names.placing
+        needs = {family_of(name) for name in model.settings_need}
+        if placing is not None:  # each variant places its bodies
+            needs |= {family_of(name) for name in (*placing, *model.coordinate_names)}
         return not any(
-            name in self.model.structural_parameters or family_of(name) in needs
+            name in model.structural_parameters or family_of(name) in needs
             for name in self._following(names).names
         )
 

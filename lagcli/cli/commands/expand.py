@@ -20,11 +20,10 @@ def expand(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print a model file with its bodies and joints expanded.
+    """Replace bodies and joints by coordinates and constraints.
 
-    Coordinates, T, V and constraints take their place.
-
-    The result loads, with the same equations and the same start. Comments are not kept.
+    Prints a model file that loads, with the same equations and the same start. Comments are not
+    kept.
     """
     from lagcli.cli.streams import visible
     from lagcli.model.loader import expand_text

@@ -80,7 +80,13 @@ class Bodies:
         """Read the entries of `bodies`, and write what they add to the model."""
         for name, key_node, value in node:
             key = read_key(key_node, self.free_index)
-            if key is None or key.base in _NOT_BODIES or "'" in name:
+            family = key is not None and bool(key.span)
+            if (
+                key is None
+                or key.base in _NOT_BODIES
+                or (key.base == GROUND and family)
+                or "'" in name
+            ):
                 self.report.add(
                     "bad-name",
                     f"`{shorten(name)}` cannot be the name of a body",

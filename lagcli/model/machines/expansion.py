@@ -64,6 +64,11 @@ def expand_machine(draft: Draft) -> Machine:
         read_forces(written, bodies, joints, nodes["forces"])
     draft.report.finish()  # errors of what is generated from these would follow
     machine = (SpatialMachine if dimension == 3 else Machine)(written, bodies, joints)
+    draft.names.joints = set(joints.by_base)
+    for joint in joints.by_base.values():
+        coordinate = pinned(joint)
+        if coordinate is not None and not joint.key.index:
+            draft.names.aliases[joint.q] = coordinate
     draft.root = written.root(KEYS)
     _rename(draft, joints)
     draft.report.finish()

@@ -21,7 +21,8 @@ from lagcli.model.model import TIME
 from lagcli.model.names.draft import Draft, Formula, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.namespace import Allowed
-from lagcli.model.sections.initial import given_values
+from lagcli.model.sections.initial import canonical_name, given_values, guess_or
+from lagcli.model.sections.parameters import override_node
 from lagcli.model.yaml.source import Derived, Scalar, YamlNode
 from lagcli.model.yaml.source import Mapping as MappingNode
 
@@ -75,16 +76,19 @@ class Machine:
         self.given = list(node) if isinstance(node, MappingNode) else []
         self.own = {b.key.base for b in bodies} | set(joints.by_base)
 
-    def place(self, draft: Draft) -> None:
+    def place(self, draft: Draft, overrides: Mapping[str, object]) -> None:
         """Add guesses for the bodies' coordinates and velocities that the file does not give.
 
         Each body is placed by its joint to one that is placed, from the ground. The joint's
-        coordinate is that of `initial`, a drive's at t = 0, or 0.
+        coordinate is that of `initial`, a drive's at t = 0, or 0. ``overrides`` replace values
+        of `initial`.
         """
         self.draft = draft
+        draft.names.placing = set()
         report, draft.report = draft.report, Diagnostics([])
         try:  # the sections report errors in the values that are used here
             values = {n: x.value for n, x in given_values(draft).items()}
+            values |= self._overriding(overrides)
             poses = self._placed(values)
         finally:
             draft.report = report
@@ -121,6 +125,19 @@ class Machine:
             if target not in values:
                 self.written.guess(target, repr(value).removesuffix(".0"), place)
 
+    def _overriding(self, overrides: Mapping[str, object]) -> dict[str, float]:
+        """Return the values of coordinates that options give; `read_initial` reports others."""
+        found = {}
+        for option, value in overrides.items():
+            name = canonical_name(self.draft, "".join(option.split()))
+            node = guess_or(override_node("--set-initial", option, value))
+            if isinstance(node, MappingNode):
+                node = node.entries["guess"][1]
+            number = self._value(node, {}) if name is not None else None
+            if name is not None and number is not None:
+                found[name] = number
+        return found
+
     def _place_of(self, base: str) -> Scalar:
         if base in self.bodies.by_base:
             return self.bodies.by_base[base][0].key.node
@@ -146,6 +163,8 @@ class Machine:
             value = None
         if value is None:
             raise ValueError(text)
+        if draft.names.placing is not None:
+            draft.names.placing |= {str(s) for s in value.free_symbols} & draft.parameters.keys()
         known = {TIME: 0}
         known |= {se.Symbol(n): p.value for n, p in draft.parameters.items()}
         try:

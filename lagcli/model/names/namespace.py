@@ -99,6 +99,12 @@ class Namespace:
         The model's functions.
     kinds : mapping of str to str
         Kinds of the coordinates that are vectors or rotations, and of families of these: ``r[]``.
+    aliases : dict of str to str
+        Other names of coordinates: the angle of a pin on the ground, for that of its body.
+    joints : set of str
+        Joints of a machine, which the names of their constraints begin with.
+    placing : set of str or None
+        Parameters that guesses of a machine depend on; None if the file gives all guesses.
     incomplete : bool
         Whether a block of declarations is unreadable, so that any name may be declared there.
     smooth : bool
@@ -123,8 +129,19 @@ class Namespace:
     member_count: int = 0
     functions: Mapping[str, Macro] = field(default_factory=dict)
     kinds: Mapping[str, str] = field(default_factory=dict)
+    aliases: dict[str, str] = field(default_factory=dict)
+    joints: set[str] = field(default_factory=set)
+    placing: set[str] | None = None
     incomplete: bool = False
     smooth: bool = True
+
+    def unaliased(self, name: str) -> str:
+        """Return a coordinate or velocity, ``phi'`` or ``phi_dot``, by its name in the model."""
+        for ending in ("", "'", "_dot"):
+            own = self.aliases.get(name.removesuffix(ending)) if name.endswith(ending) else None
+            if own is not None:
+                return own + ("'" if ending else "")
+        return name
 
     @cached_property
     def rates(self) -> dict[Basic, Basic]:

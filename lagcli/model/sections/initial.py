@@ -739,6 +739,7 @@ def canonical_name(draft: Draft, name: str, vectors: bool = False) -> str | None
             vectors and family_of(text) in names.kinds and text in names.definitions
         )
 
+    name = names.unaliased(name)
     if known(name):
         return name
     if not name.isascii():  # φ̇ and φ′ are φ'
@@ -818,6 +819,13 @@ def _report_unknown_override(draft: Draft, name: str, value: object) -> None:
     help_ = did_you_mean(nearest(name, every))
     if name in names.parameters:
         help_ = f"`{name}` is a parameter: give --set {name}={value}"
+    base = name.removesuffix("'").removesuffix("_dot")
+    if base in names.definitions:
+        help_ = f"`{base}` is a definition: give the coordinates that it depends on" + (
+            f";\nif it is that of a joint, `{base}` in `initial` of the file makes it a coordinate"
+            if names.placing is not None
+            else ""
+        )
     draft.report.add(
         "unknown-name",
         f"the model has no initial value `{shorten(name)}`",

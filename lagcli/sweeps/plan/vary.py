@@ -319,7 +319,7 @@ def varied_name(model: Model, name: str) -> str:
     UsageError
         The model has no such quantity.
     """
-    plain = "".join(name.split())
+    plain = model.names.unaliased("".join(name.split()))
     if plain in model.parameters or plain in model.initial_positions:
         return plain
     base, bracket, index = plain.partition("_dot[")

@@ -177,3 +177,59 @@ def test_components_stand_in_their_vector_or_behind_it(values: dict[str, str], l
 def test_member_of_a_range_of_vectors_is_not_written() -> None:
     with pytest.raises(ModelError, match="cannot write the values of `q"):
         changes(VECTORS, {}, {"q[1]": "[1, 1, 1]"})
+
+
+MACHINE = """\
+gravity: [0, -9.81 m/s^2]
+parameters: {c: 0.3 N*m*s}
+bodies:
+  ground: {points: {O: [0, 0], D: [0.4 m, 0]}}
+  crank: {mass: 1 kg, length: 100 mm}   # a rod
+  coupler:
+    mass: 2 kg
+    length: 450 mm
+  rocker: {mass: 1.5, length: 0.3}
+  'link[1..3]': {mass: 1, length: 0.1}
+joints:
+  O: revolute(ground.O, crank.a, damping=2 N*m*s, stiffness=c)
+  A: revolute(crank.b, coupler.a)
+  B: {revolute: [coupler.b, rocker.b], damping: 0.5 N*m*s}
+  D: revolute(ground.D, rocker.a)
+  L[i = 1..3]: revolute(ground.O, link[i].a)
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("crank.length", "90 mm", "crank: {mass: 1 kg, length: 90 mm}   # a rod"),
+        ("coupler.mass", "2.5", "mass: 2.5 kg"),
+        ("gravity.y", "-1.6", "gravity: [0, -1.6 m/s^2]"),
+        ("ground.points.D.x", "0.5", "ground: {points: {O: [0, 0], D: [0.5 m, 0]}}"),
+        ("O.damping", "3", "O: revolute(ground.O, crank.a, damping=3 N*m*s, stiffness=c)"),
+        ("O.stiffness", "2*c", "O: revolute(ground.O, crank.a, damping=2 N*m*s, stiffness=2*c)"),
+        ("B.damping", "0.6", "B: {revolute: [coupler.b, rocker.b], damping: 0.6 N*m*s}"),
+        ("crank.inertia", "0.01", "crank: {mass: 1 kg, length: 100 mm, inertia: 0.01}   # a rod"),
+        ("coupler.inertia", "0.02 kg*m^2", "inertia: 0.02 kg*m^2"),
+    ],
+)
+def test_numbers_of_bodies_and_joints_stand_where_they_are(
+    name: str, value: str, line: str
+) -> None:
+    assert changes(MACHINE, {name: value}, {}) == [line]
+
+
+def test_initial_values_of_placed_bodies_are_added() -> None:
+    new = changes(MACHINE, {}, {"O.angle": "0.5", "rocker.phi": "{guess: 1.4}", "O.angle'": "2"})
+    assert new == ["initial: {crank.phi: 0.5, rocker.phi: {guess: 1.4}, crank.phi': 2}"]
+    given = MACHINE + "initial:\n  O.angle: 30 deg\n"
+    assert changes(given, {}, {"crank.phi": "40 deg"}) == ["O.angle: 40 deg"]
+    assert changes(given, {}, {"rocker.y": "{guess: 1}", "link[2].phi": "1"}) == [
+        "rocker.y: {guess: 1}",
+        "link[2].phi: 1",
+    ]
+
+
+def test_a_number_of_one_body_of_a_family_is_not_written() -> None:
+    with pytest.raises(ModelError, match=r"cannot write the values of `link\[2\].mass`"):
+        rewrite(MACHINE, "model.yaml", {"link[2].mass": "3"}, {})

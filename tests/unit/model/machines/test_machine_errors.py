@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import pytest
 
-from lagcli.errors import ModelError
+from lagcli import simulate
+from lagcli.errors import LagcliError, ModelError
 from lagcli.model.loader import expand_text, load_text
+from lagcli.simulations.variants import Variants
+from lagcli.sweeps.plan.vary import varied_name
 
 BODIES = """bodies:
   ground: {points: {O: [0, 0], P: [0.3, 0]}}
@@ -161,3 +167,124 @@ def test_entries_of_the_file_are_kept_beside_those_of_bodies() -> None:
     assert [c.name for c in model.coordinates][-1] == "z"
     assert str(model.applied_forces["crank.phi"]) == "1 + O.torque"
     assert str(model.applied_forces["z"]) == "2"
+
+
+FOUR_BAR = """\
+bodies:
+  ground: {points: {O: [0, 0], D: [0.4, 0]}}
+  crank: {mass: 1, length: 0.1}
+  coupler: {mass: 2, length: 0.45}
+  rocker: {mass: 1.5, length: 0.3}
+joints:
+  O: revolute(ground.O, crank.a)
+  A: revolute(crank.b, coupler.a)
+  B: revolute(coupler.b, rocker.b)
+  D: revolute(ground.D, rocker.a)
+initial: {coupler.phi: {guess: 30 deg}, rocker.phi: {guess: 90 deg}, O.angle': 2}
+"""
+
+
+def test_a_loop_that_cannot_close_lists_the_gaps_of_its_joints() -> None:
+    # crank at 180°: at least 0.5 m from its pin to D, but 0.1 m and 0.3 m of rods
+    text = FOUR_BAR.replace("length: 0.45", "length: 0.1")
+    text = text.replace("O.angle': 2", "O.angle': 2, O.angle: 180 deg")
+    with pytest.raises(LagcliError) as raised:
+        simulate(load_text(text))
+    message = str(raised.value)
+    gaps = re.findall(r"^ +(\w+): ([\d.]+) mm$", message, re.MULTILINE)
+    assert {name for name, _ in gaps} <= {"O", "A", "B", "D"}, message
+    values = [float(gap) for _, gap in gaps]
+    assert values == sorted(values, reverse=True)
+    assert 99 <= sum(values) < 120  # the bars span 400 mm of 500
+    assert "joints" in message
+    assert "guesses" in message
+
+
+def test_an_angle_that_cannot_be_reached_is_in_degrees() -> None:
+    text = FOUR_BAR.replace(
+        "initial:", "  P: prismatic(crank, rocker, along=x, angle=20 deg)\ninitial:"
+    )
+    with pytest.raises(LagcliError) as raised:
+        simulate(load_text(text))
+    assert re.search(r"^ +P: [\d.]+°$", str(raised.value), re.MULTILINE), raised.value
+
+
+def test_the_start_of_a_pin_may_be_set_by_its_angle() -> None:
+    one = load_text(FOUR_BAR, set_initial={"O.angle": "50 deg", "O.angle'": 3})
+    two = load_text(FOUR_BAR, set_initial={"crank.phi": "50 deg", "crank.phi_dot": 3})
+    assert one.initial["crank.phi"].value == pytest.approx(math.radians(50))
+    assert one.initial["crank.phi"].fixed
+    assert {n: x.value for n, x in one.initial.items()} == {
+        n: x.value for n, x in two.initial.items()
+    }
+    # the bodies are placed from it
+    assert one.initial["crank.x"].value == pytest.approx(0.05 * math.cos(math.radians(50)))
+
+
+def test_the_angle_of_another_joint_is_set_in_the_file() -> None:
+    with pytest.raises(ModelError) as raised:
+        load_text(FOUR_BAR, set_initial={"A.angle": "50 deg"})
+    (error,) = raised.value.diagnostics
+    assert error.kind == "unknown-name"
+    assert "`A.angle` in `initial`" in (error.help or "")
+    model = load_text(
+        FOUR_BAR.replace("{coupler", "{A.angle: {guess: 10 deg}, coupler"),
+        set_initial={"coupler.phi": "0.3 rad"},
+    )
+    assert model.initial["coupler.phi"].value == 0.3
+
+
+def test_a_sweep_of_a_length_or_angle_places_the_bodies_of_each_run() -> None:
+    variants = Variants(load_text(FOUR_BAR))
+    assert variants.together(["crank.mass"])
+    assert not variants.together(["crank.length"])
+    assert not variants.together(["crank.phi"])
+    assert varied_name(variants.model, "O.angle") == "crank.phi"
+    assert varied_name(variants.model, "O.angle_dot") == "crank.phi'"
+
+
+def test_ground_cannot_be_declared_twice_nor_have_a_mass() -> None:
+    for entry, kind, said in (
+        ("  ground: {mass: 3}\n", "unknown-key", "mass"),
+        ("  ground: {points: {a: [0, 0, 0]}}\n", "shape", "a list of 3"),
+        ("  'ground[1..3]': {points: {P: [0, 0]}}\n", "bad-name", "ground"),
+    ):
+        with pytest.raises(ModelError) as raised:
+            load_text(BODIES.replace("  ground: {points: {O: [0, 0], P: [0.3, 0]}}\n", entry))
+        found = [d for d in raised.value.diagnostics if d.kind == kind]
+        assert found, (entry, raised.value)
+        assert said in found[0].message
+        assert found[0].location is not None
+        assert found[0].location.line == 2
+    twice = BODIES.replace("  crank:", "  ground: {points: {Z: [0, 0]}}\n  crank:")
+    with pytest.raises(ModelError) as raised:
+        load_text(twice)
+    assert raised.value.diagnostics[0].kind == "duplicate-key"
+    with pytest.raises(ModelError) as raised:
+        load_text(BODIES + "  ground: rod(ground.O, bob, length=1)\n")
+    assert raised.value.diagnostics[0].kind == "bad-name"
+
+
+def test_a_gearbox_needs_one_housing() -> None:
+    text = BODIES + "  V: revolute(crank.b, wheel)\n"
+    text = text.replace("  wheel:", "  disc: {mass: 1, inertia: 0.1}\n  wheel:")
+    text += "  U: revolute(wheel, disc)\n  box: {gearbox: [O, U], ratio: 3}\n"
+    with pytest.raises(ModelError) as raised:
+        load_text(text)
+    (error,) = raised.value.diagnostics
+    assert error.kind == "contradiction"
+    assert "no body in common" in error.message
+    assert error.location is not None
+    assert error.location.line == text.count("\n")
+
+
+def test_a_drive_determines_the_torque_of_its_joint() -> None:
+    text = BODIES.replace("crank.a)", "crank.a, torque=3)") + "  M: {drive: O, angle: t}\n"
+    with pytest.raises(ModelError) as raised:
+        load_text(text)
+    (error,) = raised.value.diagnostics
+    assert error.kind == "contradiction"
+    assert "`torque`" in error.message
+    assert "`lambda.M`" in (error.help or "")
+    assert error.location is not None
+    assert error.location.line == 7
