@@ -47,6 +47,7 @@ def test_the_shorter_crank_of_the_page() -> None:
 
 def test_the_page_has_every_kind_and_key() -> None:
     words = set(re.findall(r"[\w]+", PAGE))
-    wanted = {*KINDS, *FORCES, *OF_COORDINATE}
-    wanted |= {key for kind in (*KINDS.values(), *FORCES.values()) for key in kind.keys}
+    kinds = [kind for of_dimension in KINDS.values() for kind in of_dimension.values()]
+    wanted = {*FORCES, *OF_COORDINATE, *(kind.name for kind in kinds)}
+    wanted |= {key for kind in (*kinds, *FORCES.values()) for key in kind.keys}
     assert wanted <= words, wanted - words
