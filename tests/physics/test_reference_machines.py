@@ -1,8 +1,9 @@
-"""The shipped machines against closed forms, SciPy, other formulations, and stored values."""
+"""Machines of bodies and joints against closed forms, SciPy, and other formulations."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagcli
+
+FOLDER = Path(__file__).parent / "machines"
+
+
+def machine(name: str, **options: Any) -> Any:
+    """Load a machine of the folder."""
+    return lagcli.load(FOLDER / f"{name}.yaml", **options)
 
 
 def columns(run: Any) -> dict[str, np.ndarray]:
@@ -19,8 +27,8 @@ def columns(run: Any) -> dict[str, np.ndarray]:
     return found | {f"lambda.{c}": run.multipliers[:, i] for i, c in enumerate(run.constraints)}
 
 
-#: State and forces of the press after two turns, from equations written by another program, whose
-#: forces balance the accelerations of every body.
+#: State and forces of the press after two turns, from its equations in expanded form, whose forces
+#: balance the accelerations of every body.
 PRESS = {
     "crank.phi": 12.566370614359172,
     "coupler.x": 0.25636372367552945,
@@ -46,7 +54,7 @@ PRESS = {
 
 
 def test_six_bar_press() -> None:
-    run = lagcli.simulate(lagcli.load("six_bar_press"), rtol=1e-11, samples=5)
+    run = lagcli.simulate(machine("six_bar_press"), rtol=1e-11, samples=5)
     found = columns(run)
     for name, value in PRESS.items():
         assert found[name][-1] == pytest.approx(value, rel=1e-7, abs=1e-7), name
@@ -56,7 +64,7 @@ def test_six_bar_press() -> None:
 
 
 def test_planetary_gear_by_willis_and_newton() -> None:
-    model = lagcli.load("planetary_gear")
+    model = machine("planetary_gear")
     found = columns(run := lagcli.simulate(model, samples=6))
     r_s, r_p, r_r, a = 0.04, 0.02, 0.08, 0.06
     np.testing.assert_allclose(found["sun.phi'"], 3 * found["carrier.phi'"], rtol=1e-9)
@@ -79,7 +87,7 @@ def test_planetary_gear_by_willis_and_newton() -> None:
 
 
 def test_engine_by_its_equation_in_one_angle() -> None:
-    run = lagcli.simulate(lagcli.load("single_cylinder_engine"), t_end=0.5, samples=11, rtol=1e-10)
+    run = lagcli.simulate(machine("single_cylinder_engine"), t_end=0.5, samples=11, rtol=1e-10)
     r, l, g = 0.04, 0.14, 9.81
     c = 0.3 * l
 
@@ -126,8 +134,8 @@ def test_engine_by_its_equation_in_one_angle() -> None:
 
 def test_andrews_mechanism_of_bodies_is_that_of_angles() -> None:
     bodies, angles = (
-        columns(lagcli.simulate(lagcli.load(name), rtol=1e-11, samples=7))
-        for name in ("andrews_bodies", "andrews_squeezer")
+        columns(lagcli.simulate(model, rtol=1e-11, samples=7))
+        for model in (machine("andrews_bodies"), lagcli.load("andrews_squeezer"))
     )
     for body, angle in (("k1", "beta"), ("k3", "gamma"), ("k5", "delta"), ("k7", "epsilon")):
         np.testing.assert_allclose(bodies[f"{body}.phi"], angles[angle], atol=1e-9)
@@ -142,7 +150,7 @@ def test_andrews_mechanism_of_bodies_is_that_of_angles() -> None:
 
 
 def test_cam_drive_in_closed_form() -> None:
-    run = lagcli.simulate(lagcli.load("cam_drive"), samples=41)
+    run = lagcli.simulate(machine("cam_drive"), samples=41)
     found, w, h, r = columns(run), 10 * math.pi, 0.008, 0.03
     lift = r + h * (1 - np.cos(2 * w * run.time))
     np.testing.assert_allclose(run.outputs["lift"], lift, atol=1e-12)
@@ -151,5 +159,5 @@ def test_cam_drive_in_closed_form() -> None:
     np.testing.assert_allclose(found["lambda.contact"], force, rtol=1e-9)
     torque = force * 2 * h * np.sin(2 * w * run.time)
     np.testing.assert_allclose(run.outputs["torque"], torque, atol=1e-8)
-    faster = columns(lagcli.simulate(lagcli.load("cam_drive", set={"n": "900 rpm"}), t_end=0.1))
+    faster = columns(lagcli.simulate(machine("cam_drive", set={"n": "900 rpm"}), t_end=0.1))
     assert found["lambda.contact"].min() > 0 > faster["lambda.contact"].min()
