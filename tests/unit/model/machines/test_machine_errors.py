@@ -249,8 +249,8 @@ def test_ground_cannot_be_declared_twice_nor_have_a_mass() -> None:
         ("  ground: {points: {a: [0, 0, 0]}}\n", "shape", "a list of 3"),
         ("  'ground[1..3]': {points: {P: [0, 0]}}\n", "bad-name", "ground"),
     ):
+        text = BODIES.replace("  ground: {points: {O: [0, 0], P: [0.3, 0]}}\n", entry)
         with pytest.raises(ModelError) as raised:
-            text = BODIES.replace("  ground: {points: {O: [0, 0], P: [0.3, 0]}}\n", entry)
             load_text(f"{text}\ndimension: 2\n")
         found = [d for d in raised.value.diagnostics if d.kind == kind]
         assert found, (entry, raised.value)
