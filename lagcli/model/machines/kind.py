@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagcli.model.machines.references import Key, Reference, items_of
+from lagcli.model.machines.references import Key, Reference, is_quantity, items_of
 from lagcli.model.machines.written import MachineEntries
 from lagcli.model.yaml.source import Scalar, YamlNode
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from lagcli.model.machines.frames import Basis
 
 Nodes = Mapping[str, tuple[Scalar, YamlNode]]
+#: The time as a factor of a unit, where it is read as tons: ``60 rpm*t``.
+_TIME = re.compile(r"\*\s*t\b")
 
 
 @dataclass(eq=False)
@@ -98,6 +101,14 @@ class MachineJoint:
 
         In a product it needs parentheses.
         """
+        if isinstance(node, Scalar) and is_quantity(node.value) and _TIME.search(node.value):
+            self.fault(
+                "units",
+                f"{self.title} gives `{name}` as `{node.value}`, whose `t` is the unit ton",
+                "a number with a unit is no factor of a product; write it as a parameter,"
+                f" `parameters: {{n: 60 rpm}}` and `{name}: n*t`",
+                node,
+            )
         text, inlined = self.written.value(self.key, name, node)
         self.inlined += inlined
         return text

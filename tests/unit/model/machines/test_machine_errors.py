@@ -47,6 +47,7 @@ CASES = {
     "no along": ("  X: slot(ground, wheel)", "missing-value", "along", "along=x"),
     "drive of a rod": ("  X: {drive: B, angle: t}", "contradiction", "rod", "revolute"),
     "drive of nothing": ("  X: {drive: V, angle: t}", "unknown-name", "V", "joint"),
+    "time in a unit": ("  X: {drive: W, angle: 60 rpm*t}", "units", "unit ton", "n*t"),
     "drive without motion": ("  X: {drive: W}", "missing-value", "no motion", "angle"),
     "two drives": (
         "  X: {drive: W, angle: t}\n  Y: {drive: W, speed: 1}",
