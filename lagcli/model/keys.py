@@ -93,6 +93,8 @@ BODY = mapping(
         "points": described("name → vector in the frame of the body", named(EXPRESSION)),
     }
 )
+#: The keys of machines, which are expanded to the others.
+MACHINE = ("dimension", "gravity", "bodies", "joints", "forces")
 #: A joint or force as a mapping: {kind: [A, B], key: value}.
 CALL: JsonSchema = {"type": "object", "minProperties": 1}
 PARAMETER = mapping(

@@ -167,8 +167,6 @@ MODEL = keys.mapping(
     },
     "coordinates",
 )
-#: The keys that a machine is expanded from.
-MACHINE = frozenset({"dimension", "gravity", "bodies", "joints", "forces"})
 
 
 def load(
@@ -305,7 +303,7 @@ def _model(
 ) -> Model:
     check_keys(draft, keys.keys_of(MODEL))
     machine = None
-    if not MACHINE.isdisjoint(draft.root.entries):
+    if any(key in draft.root.entries for key in keys.MACHINE):
         from lagcli.model.machines.expansion import expand_machine
 
         machine = expand_machine(draft)

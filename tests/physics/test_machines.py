@@ -6,6 +6,7 @@ lagcli's equations: λ is a force on the second body at its point, or a moment.
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from dataclasses import dataclass, field
@@ -176,7 +177,7 @@ def imbalance(m: Machine, run: Any, sample: int) -> float:
             force = force_of[name] * (r - p) / np.hypot(*(r - p))
         else:
             text = keys["along"]
-            way = float(text) if text[0] != "[" else math.atan2(*eval(text)[::-1])
+            way = float(text) if text[0] != "[" else math.atan2(*json.loads(text)[::-1])
             along, normal = turn(frame + way, [1, 0]), turn(frame + way, [0, 1])
             force = force_of[f"{name}.n"] * normal + driving * along
             moment = force_of.get(f"{name}.M", 0.0)

@@ -6,6 +6,7 @@ none of lagcli's equations. λ acts on the second body at its point.
 
 from __future__ import annotations
 
+import json
 import math
 import random
 from dataclasses import dataclass, field
@@ -49,7 +50,7 @@ def basis(axis: str) -> np.ndarray:
     """Return u, v, w as rows, for an axis as it is written in the model."""
     if axis in AXES:
         return AXES[axis]
-    u = np.array(eval(axis), float)
+    u = np.array(json.loads(axis), float)
     u /= np.linalg.norm(u)
     v = np.cross(u, np.eye(3)[int(np.argmin(abs(u)))])
     v /= np.linalg.norm(v)

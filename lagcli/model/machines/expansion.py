@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from lagcli.model.keys import MACHINE
 from lagcli.model.machines.bodies import Bodies
 from lagcli.model.machines.forces import read_forces
 from lagcli.model.machines.joints import Joints, pinned
@@ -14,9 +15,6 @@ from lagcli.model.machines.starts import Machine
 from lagcli.model.machines.written import MachineEntries
 from lagcli.model.names.draft import Draft
 from lagcli.model.yaml.source import Derived, Mapping, Scalar, YamlNode
-
-#: The keys that the expansion replaces.
-KEYS = ("dimension", "gravity", "bodies", "joints", "forces")
 
 
 def expand_machine(draft: Draft) -> Machine:
@@ -39,7 +37,7 @@ def expand_machine(draft: Draft) -> Machine:
     body_node = nodes["bodies"]
     if body_node is None:
         draft.report.finish()
-        first = next(k for k in KEYS if k in draft.root.entries)
+        first = next(k for k in MACHINE if k in draft.root.entries)
         draft.report.add(
             "missing-key",
             f"the file has `{first}`, but no `bodies`",
@@ -69,7 +67,7 @@ def expand_machine(draft: Draft) -> Machine:
         coordinate = pinned(joint)
         if coordinate is not None and not joint.key.index:
             draft.names.aliases[joint.q] = coordinate
-    draft.root = written.root(KEYS)
+    draft.root = written.root(MACHINE)
     _rename(draft, joints)
     draft.report.finish()
     return machine
