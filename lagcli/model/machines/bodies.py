@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from lagcli.model.keys import BODY, keys_of
 from lagcli.model.machines.references import Key, Reference, is_zero, items_of, read_key
 from lagcli.model.machines.written import MachineEntries
+from lagcli.model.names.families import COLUMN_PREFIXES
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Derived, Mapping, Scalar, YamlNode
 
@@ -15,7 +16,8 @@ GROUND = "ground"
 _AXES = ("x", "y")
 #: Names that a point cannot have: those of the body's own quantities.
 _RESERVED = ("x", "y", "z", "phi", "r", "e", "mass", "omega", "inertia", "length", "points", "com")
-_NOT_BODIES = ("lambda", "Qc", "t", "pi", "gravity", "time")
+#: What neither a body nor a joint can be called.
+NOT_NAMES = (*COLUMN_PREFIXES, "gravity", "time")
 
 
 @dataclass(eq=False)
@@ -83,7 +85,7 @@ class Bodies:
             family = key is not None and bool(key.span)
             if (
                 key is None
-                or key.base in _NOT_BODIES
+                or key.base in NOT_NAMES
                 or (key.base == GROUND and family)
                 or "'" in name
             ):

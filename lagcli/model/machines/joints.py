@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lagcli.model.machines.bodies import GROUND, Bodies
+from lagcli.model.machines.bodies import GROUND, NOT_NAMES, Bodies
 from lagcli.model.machines.kind import JointKind, MachineJoint, Nodes
 from lagcli.model.machines.references import JointCall, Key, read_call, read_key, read_reference
 from lagcli.model.machines.registry import KINDS, OF_COORDINATE
@@ -13,7 +13,7 @@ from lagcli.model.machines.written import MachineEntries
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
 
-_NOT_JOINTS = ("lambda", "Qc", "t", "pi", "gravity", "time", GROUND)
+_NOT_JOINTS = (*NOT_NAMES, GROUND)
 
 
 class Joints:

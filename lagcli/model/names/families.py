@@ -22,7 +22,7 @@ _AFTER = r"((?:\.\w+?)*)('|_dot)?"
 #: Dotted names after the index of a declared member: ``link[1..N].mass``.
 _DOTTED = r"((?:\.[^\W\d]\w*)*)()"
 #: First parts of the names of columns, which no dotted name may have.
-_COLUMNS = ("lambda", "Qc", "conserved", "impulse", "t", "pi")
+COLUMN_PREFIXES = ("lambda", "Qc", "conserved", "impulse", "t", "pi")
 MAX_ALL = 100_000  # members of all families of a model
 
 
@@ -136,7 +136,7 @@ def valid_name(draft: Draft, name: str, key: YamlNode, what: str) -> bool:
     """Whether a name is valid; report an invalid name."""
     report = draft.report
     first, *rest = name.split(".")
-    if not all(map(is_name, (first, *rest))) or (rest and first in _COLUMNS):
+    if not all(map(is_name, (first, *rest))) or (rest and first in COLUMN_PREFIXES):
         help_ = "a name is a letter followed by letters, digits and _"
         if "," in name or " " in name.strip():
             help_ += ";\nnames in a list are separated by commas: `[x, y]`"
