@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.model.keys import keys_of
-from lagcli.model.loader import MACHINE, MODEL
+from lagcli.model.keys import MACHINE, keys_of
+from lagcli.model.loader import MODEL
 from lagcli.model.template import new_model
 
 
